@@ -205,7 +205,7 @@ def box_centred_pose(rng, spread=0.5):
 
 
 def holds(target, maxima, one):
-    """Whether a maximum is among others, up to symmetry."""
+    """Return whether a maximum is among others, up to symmetry."""
     information = pose_information(one.information)[0]
     gaps = SE3.inverse(one.Ts[0]) @ (maxima.Ts[:, None] @ target.part.symmetry.Ts)
     xi = SE3.log(without_symmetric_rotation(target.part, gaps) if target.part.symmetry.continuous else gaps)
@@ -234,7 +234,7 @@ def off(part, T, truth):
 
 
 def inside(value, dof, level=0.95):
-    """Whether a squared Mahalanobis distance is inside the region of that probability."""
+    """Return whether a squared Mahalanobis distance is inside the region of a given probability."""
     return value <= chi2.ppf(level, dof)
 
 

@@ -138,14 +138,14 @@ class Watched:
 
 
 def pixels(png):
-    """Of a screenshot ``(h, w, 3)``, from 0 to 1."""
+    """Return the pixels of a screenshot ``(h, w, 3)``, from 0 to 1."""
     from matplotlib.image import imread
 
     return imread(io.BytesIO(png))[..., :3]
 
 
 def colours(picture):
-    """How many there are."""
+    """Return the number of colours."""
     return len(np.unique((picture.reshape(-1, 3) * 31).astype(int), axis=0))
 
 
@@ -155,7 +155,7 @@ def differ(one, other):
 
 
 def complaints(page, context=None, without=()):
-    """What axe-core finds about names, roles, order and contrast, a line a finding."""
+    """Return what axe-core finds about names, roles, order and contrast, one line for each finding."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
     rules = {name: {"enabled": False} for name in without}
     found = (
@@ -167,7 +167,7 @@ def complaints(page, context=None, without=()):
 
 
 def not_reached(page):
-    """Controls that Tab does not come to, and those that do not show that it has come to them."""
+    """Return the controls that Tab does not reach, and those without a visible focus."""
     wanted = page.evaluate(REACHABLE)
     unseen = []
     for _ in range(len(wanted) + 5):

@@ -115,7 +115,7 @@ def _try(rng, kind, name, clamp):
 
 
 def _fixed(rng, part):
-    """The part in a fixture, any way up, 20 to 150 mm above the table."""
+    """Return the part in a fixture, in any stable orientation, 20 to 150 mm above the table."""
     R = SO3.exp(rng.normal(size=3) * 2)
     lowest = (part.vertices @ R.T)[:, 2].min()
     return SE3.from_parts(R, np.array([*rng.uniform(-0.05, 0.05, 2), rng.uniform(0.02, 0.15) - lowest]))
@@ -148,7 +148,7 @@ def _face(rng, part, T):
 
 
 def _on(rng, part, triangles):
-    """A point on a face, by area, towards its middle."""
+    """Return a random point on a face, uniform by area, moved towards its middle."""
     corners = part.vertices[triangles]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     a, b = np.sort(rng.random(2))
@@ -204,7 +204,7 @@ def _corner(rng, part, T):
 
 
 def _possible(rng, scene, hand, place, normal, standoff):
-    """In one direction at least both sensors meet the face near the place, with room all around the hand."""
+    """Return whether in some direction both sensors hit the face near the place, with clearance for the hand."""
     e = np.cross(normal, rng.normal(size=3))
     e /= np.linalg.norm(e)
     f = np.cross(normal, e)
@@ -231,18 +231,18 @@ def _possible(rng, scene, hand, place, normal, standoff):
 
 
 def roof(bend, flat=0.06, slope=0.06, half=0.07):
-    """A flat top at z = 0 for y below 0, which falls away by a bend [rad] above it; its edge is the x axis."""
+    """Return a flat top at z = 0 for y < 0 that bends down by an angle [rad] above it; its edge is the x axis."""
     c, s = slope * np.cos(bend), slope * np.sin(bend)
     return _prism("roof", [(-flat, 0.0), (0.0, 0.0), (c, -s), (c, -0.1), (-flat, -0.1)], half)
 
 
 def bevelled(width, flat=0.06, half=0.07):
-    """A flat top at z = 0 for y below 0, whose border at y = 0 is bevelled by 45 degrees on a width [m]."""
+    """Return a flat top at z = 0 for y < 0 with a bevel of 45 degrees and a given width [m] at y = 0."""
     return _prism("block", [(-flat, 0.0), (-width, 0.0), (0.0, -width), (0.0, -0.1), (-flat, -0.1)], half)
 
 
 def _prism(name, section, half):
-    """A scene of one solid: a convex section in y and z, along x."""
+    """Return a scene of one solid: a convex section in y and z, along x."""
     n = len(section)
     vertices = np.array([[x, y, z] for x in (-half, half) for y, z in section])
     ends = [t for k in range(1, n - 1) for t in ((k + 1, k, 0), (n + k, n + k + 1, n))]
@@ -251,7 +251,7 @@ def _prism(name, section, half):
 
 
 def is_meant(truth, feature):
-    """Whether a feature is the one of which the idea was: within 3 mm and 10 degrees of the true idea."""
+    """Return whether a feature is within 3 mm and 10 degrees of the one that the guess describes."""
     T = feature.T_world_feature
     away, cosine = truth.point - T[:3, 3], 1.0
     if feature.kind.name == "plane":
@@ -288,7 +288,7 @@ def _plane_error(scene, feature):
 
 @cache
 def _scene_edges(scene):
-    """Ends of the sharp edges of all solids, and the solid of each."""
+    """Return ends of the sharp edges of all solids, and the solid of each."""
     v, t = scene.surface.vertices, scene.surface.triangles
     faces = {}
     for k, tri in enumerate(t):

@@ -31,7 +31,7 @@ def ranges_to(plane, Ts):
 def simulated_log(
     rng, T_hand_beam, plane, hands, *, scale=0.0, slant=0.0, repeats=4, place=PLACE, repeat=REPEAT, name="eye", label=""
 ):
-    """Readings of one sensor on one plane, ``repeats`` at every pose."""
+    """Return readings of one sensor on one plane, ``repeats`` at every pose."""
     d, beta = ranges_to(plane, hands @ T_hand_beam)
     tan2 = np.tan(beta) ** 2
     off = np.sqrt(place[0] ** 2 + (place[1] * d) ** 2 + (place[2] * d) ** 2 * tan2) * rng.normal(size=len(d))

@@ -62,7 +62,7 @@ def nees(error, covariance):
 
 
 def whole_covariance(feature):
-    """Of frame and size, what the feature shares with others included."""
+    """Return the covariance of frame and size, shared errors included."""
     gains = [np.vstack([term.jacobian, row]) for term, row in zip(feature.shared, feature.size.shared, strict=True)]
     shared = (A @ term.error.covariance @ A.T for A, term in zip(gains, feature.shared, strict=True))
     return sum(shared, feature.full_covariance)
@@ -92,7 +92,7 @@ def related_scene():
 
 
 def perturbed(name, kind, T, L, rng):
-    """A feature whose true frame is ``T``, off by a draw of covariance ``L L'``."""
+    """Return a feature whose true frame is ``T``, with an error drawn from the covariance ``L L'``."""
     kind = KINDS[kind]
     return Feature(kind, T @ SE3.exp(-kind.B.T @ L @ rng.normal(size=kind.size)), L @ L.T, label=name)
 

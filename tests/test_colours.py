@@ -56,7 +56,7 @@ def test_words_can_be_read(theme, paper):
 
 
 def apart(one, other, eyes):
-    """How different two colours are for such eyes (CIE 1976; 2 is just seen)."""
+    """Return the difference of two colours for such eyes (CIE 1976; 2 is just noticeable)."""
     seen = [lab(np.clip(SEEN[eyes] @ linear(hue), 0, 1)) for hue in (one, other)]
     return np.linalg.norm(seen[0] - seen[1])
 

@@ -97,7 +97,7 @@ def sensed_planes(target, rng):
 
 
 def images(target, rng):
-    """A table as it is told, with errors as they are stated, too."""
+    """Return a table with errors drawn from the stated ones."""
     pytest.importorskip("cv2", reason="the extra tanteo[vision] is not installed")
     model = prepare_vision(target.part)
     shot = random_shot([model], rng)

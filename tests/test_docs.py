@@ -28,12 +28,12 @@ def name(page):
 
 
 def prose(page):
-    """The text without blocks of code."""
+    """Return the text without blocks of code."""
     return re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
 
 
 def anchors(page):
-    """The anchors of a page's headings, as they are made on code hosts."""
+    """Return the anchors of a page's headings, made as on code hosts."""
     headings = re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 

@@ -287,7 +287,7 @@ def here(acme, capsys):
 
 
 def wedge():
-    """A prism without symmetry [mm]."""
+    """Return a prism without symmetry [mm]."""
     outline, height = [(0, 0), (60, 0), (45, 40), (0, 40)], 30
     vertices = np.array([(x, y, z) for z in (0, height) for x, y in outline], float)
     faces = [(0, 3, 2, 1), (4, 5, 6, 7), *((i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i) for i in range(4))]
@@ -474,7 +474,7 @@ BROKEN = "import nothing_of_this_name\n"
 
 
 def touched_wedge():
-    """A wedge and contact points on it."""
+    """Return a wedge and contact points on it."""
     part = tanteo.part_from_mesh(*wedge(), unit="mm")
     p, _ = surface_points(Surface(part.vertices, part.triangles), 16, np.random.default_rng(3))
     return part, touches_of(p, 1e-4)

@@ -24,7 +24,7 @@ OFFSETS = [10.0, 55.0]
 
 
 def moved_file(part: Part, away: float, folder: Path) -> tuple[Part, np.ndarray]:
-    """The same part, its name too, read from a file whose origin lies elsewhere, and the old origin in its frame."""
+    """Return the same part from a file with another origin, and the old origin in its frame."""
     by, file = away * np.array([3.0, -2.0, 1.0]) / np.sqrt(14), folder / f"{part.name}.off"
     rows = [f"{x:.12f} {y:.12f} {z:.12f}" for x, y, z in part.vertices + by]
     rows += [f"3 {a} {b} {c}" for a, b, c in part.triangles]
@@ -33,7 +33,7 @@ def moved_file(part: Part, away: float, folder: Path) -> tuple[Part, np.ndarray]
 
 
 def same(near, far, T_far_near):
-    """Whether two answers are one, but for the frame of the part."""
+    """Return whether two answers are equal, except for the frame of the part."""
     assert far.status == near.status
     kept = ([h for h in answer.hypotheses if h.probability > 1e-3] for answer in (near, far))
     for a, b in zip(*kept, strict=True):

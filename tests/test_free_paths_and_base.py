@@ -33,7 +33,7 @@ def targets():
 
 
 def grazing(target, m, rng):
-    """Starts and directions of paths that pass the part, 0 to 3 mm beside it."""
+    """Return starts and directions of paths that pass the part at 0 to 3 mm."""
     out = []
     while len(out) < m:
         (p,), (d,) = beams(target, 1, rng)

@@ -165,7 +165,7 @@ def commands(page):
 
 
 def options(command):
-    """Of a command, or of all that are in a group."""
+    """Return the options of a command, or of all commands of a group."""
     inside = [options(one) for one in getattr(command, "commands", {}).values()]
     return {option for p in command.params for option in (*p.opts, *p.secondary_opts)}.union(*inside)
 

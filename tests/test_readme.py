@@ -44,7 +44,7 @@ def tanteo(command, cache):
 
 
 def alike(shown, real):
-    """The same words, and numbers that differ by rounding only."""
+    """Return whether two texts have equal words, and numbers that differ by rounding only."""
     if NUMBER.sub("#", " ".join(shown.split())) != NUMBER.sub("#", " ".join(real.split())):
         return False
     pairs = zip(NUMBER.findall(shown), NUMBER.findall(real), strict=True)

@@ -114,7 +114,7 @@ def test_a_question_of_somebody_else_takes_the_place_of_its_own(targets):
 
 
 def free_beam(name, origin=(0.5, 0.5, 0.5)):
-    """A reading that nobody asked for."""
+    """Return a reading that the session did not plan."""
     return Readings.from_columns(
         np.array([origin]), ids=[name], directions=np.array([[0.0, 0.0, 1.0]]), is_free=np.array([True]),
         max_ranges=np.array([0.1]),
@@ -142,7 +142,7 @@ def test_only_its_answer_ends_the_wait_of_a_question(targets):
 
 
 def known_by(how, action):
-    """The answer to a question as one hand or another tells it."""
+    """Return the answer to a question from one of two mirror-image hands."""
     whole = action.read(action.expected, name="mine")
     return {
         "beam": whole,
@@ -278,7 +278,7 @@ def test_nothing_is_enough_before_a_reading_met_a_part(targets):
 
 
 def two_steps(weights, **stop):
-    """Readings on what both steps have: nothing but what was known beforehand tells which it is."""
+    """Return readings on the faces that both steps have, so that only the prior distinguishes them."""
     first, second = (prepare(read_part(PARTS / f"step_{n}mm.step")) for n in (12, 15))
     start = around([first, second], np.eye(4), np.diag(np.repeat([1e-3, 0.01], 3)) ** 2)
     start = replace(start, Ts=np.stack([np.eye(4)] * 2), weights=np.array(weights))  # the files have one frame
@@ -629,7 +629,7 @@ def test_a_part_out_of_reach_is_said(targets):
 
 
 def supposing(state, probabilities, unknown):
-    """As if the best mode were several, with these probabilities."""
+    """Return the session as if the best mode were several, with given probabilities."""
     modes = tuple(replace(state.modes[0], probability=p) for p in probabilities)
     return replace(state, posterior=replace(state.posterior, modes=modes), unknown=unknown, draws=None)
 

@@ -45,7 +45,7 @@ class Unknown:
 
 
 def unknown_scene(targets, number, rng, *, told=True, cell=None, rest=None) -> Unknown:
-    """One of the targets, turned anyhow on the table, its place drawn from what is known of it.
+    """Return one of the targets, in any rotation on the table, its place drawn from the prior.
 
     With ``told`` false nobody knows of the clamp. ``rest`` is how the part lies, a rotation; upright if not given.
     """
@@ -76,7 +76,7 @@ def unknown_scene(targets, number, rng, *, told=True, cell=None, rest=None) -> U
 
 
 def unknown_session(unknown, policy="information", seed=0, **stop) -> Session:
-    """A session about it, with the gripper's frontal sensors."""
+    """Return a session about the scene, with the gripper's frontal sensors."""
     probe = hand_probe(gripper(), unknown.rules, STANDOFF)
     able = reachable(gripper(), unknown.rules, probe.retreat)
     sensing = Sensing(rig=gripper().rig)
@@ -84,7 +84,7 @@ def unknown_session(unknown, policy="information", seed=0, **stop) -> Session:
 
 
 def off(session, number, T_world_part) -> float:
-    """How far the worst corner is off [m]; infinite for another part."""
+    """Return the largest error of a corner [m]; infinite for another part."""
     state = session.state
     if not len(state.weights) or state.part[0] != number:
         return float("inf")

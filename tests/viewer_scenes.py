@@ -21,12 +21,12 @@ TABLE = box("table", [-0.3, -0.3, -0.05], [0.3, 0.3, 0.0])
 
 
 def brackets():
-    """The two, prepared."""
+    """Return the two prepared brackets."""
     return [prepare(read_part(PARTS / f"bracket_{side}.stl", unit="mm")) for side in ("left", "right")]
 
 
 def maker(targets, **stop):
-    """Shows in which the first of the targets lies there."""
+    """Return a maker of views in which the first target lies at its pose."""
     part = targets[0].part
     truth = Solid.at("unknown", part.vertices, part.triangles, TRUE)
     place = TRUE @ SE3.from_parts(np.eye(3), part.centroid + np.array([0.004, -0.006, 0.001]))

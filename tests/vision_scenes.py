@@ -41,7 +41,7 @@ class Shot:
 
 
 def bracket():
-    """The left bracket, prepared."""
+    """Return the left bracket, prepared."""
     return prepare_vision(read_part(PARTS / "bracket_left.step"))
 
 
@@ -64,14 +64,14 @@ def random_look(rng):
 
 
 def lying(model, rng, reach=TABLE):
-    """A stable pose, as probable as the model says, at a random place and yaw."""
+    """Return a stable pose, drawn with its probability, at a random place and yaw."""
     k = int(rng.choice(len(model.rests), p=[rest.probability for rest in model.rests]))
     place = np.r_[rng.uniform(-reach, reach, 2), 0.0]
     return k, SE3.from_parts(SO3.axis_rotation(2, rng.uniform(-np.pi, np.pi)), place) @ model.rests[k].T_table_part
 
 
 def plate_over(scene, share, rng, paint):
-    """A plate with a random outline that hides about a share of the first thing, as a hand or a gripper would."""
+    """Return a plate with a random outline that hides about a share of the part, as a hand or a gripper does."""
     camera = scene.camera
     x0, x1, y0, y1 = scene.extent()
     pixels = np.stack(np.meshgrid(np.arange(x0, x1, 2), np.arange(y0, y1, 2)), axis=-1).reshape(-1, 2).astype(float)
@@ -96,7 +96,7 @@ def plate_over(scene, share, rng, paint):
 
 
 def random_shot(models, rng, hidden=0.0, stranger=None, noise=1.0):
-    """A picture of one of the models, or of a stranger, ``hidden`` of it covered, with so much of the noise."""
+    """Return a picture of one of the models or of another part, with a hidden share and a factor of the noise."""
     model = stranger or models[int(rng.integers(len(models)))]
     camera = table_camera(rng.uniform(0.5, 0.7), rng.uniform(5, 35), rng.uniform(-180, 180))
     camera = replace(camera, edge_sd=0.0)  # a rendered image is as the camera is told to be
@@ -124,7 +124,7 @@ def in_camera(shot):
 
 
 def told_table(shot, part, rng):
-    """The table as it is told: too high and tilted about the part by errors as stated."""
+    """Return the stated pose of the table, with height and tilt errors about the part as stated."""
     errors = TableErrors()
     about = SE3.apply(shot.T_world_part, part.centroid) * [1, 1, 0]
     place = SE3.from_parts(np.eye(3), about)

@@ -39,7 +39,7 @@ def scenes():
 
 
 def answered(scenes, rng, *, stated=1.0, probability=0.95):
-    """A method that is off by a normal error of its covariance, and states that times a factor."""
+    """Return a method that is off by a normal error of its covariance, and states that times a factor."""
     out = []
     for scene in scenes.scenes:
         xi = rng.normal(size=6) * np.r_[np.full(3, SD), np.full(3, 0.01)]

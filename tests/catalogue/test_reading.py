@@ -41,7 +41,7 @@ def folder(tmp_path):
 
 
 def same(first, second):
-    """Whether two parts are equal bit for bit, apart from their names."""
+    """Return whether two parts are equal bit for bit, apart from their names."""
     for group in ("", "planes", "edges", "corners"):
         a, b = (getattr(p, group) if group else p for p in (first, second))
         for field in fields(a):
@@ -131,7 +131,7 @@ def _must_not_read(*_args, **_kwargs):
 
 
 def entry_of(path):
-    """The entry in the cache that is written when a file is read."""
+    """Return the entry in the cache that is written when a file is read."""
     kept = set(cache_folder().rglob("*.part"))
     for entry in kept:
         entry.unlink()

@@ -128,7 +128,7 @@ class Machine:
 
 
 def probe_log(log):
-    """The same as the console of GRBL shows it."""
+    """Return the console log that GRBL shows for the same probing."""
     return "".join(f"[PRB:{','.join(line.split()[:3])}:1]\nok\n" for line in log)
 
 

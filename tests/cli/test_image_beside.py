@@ -18,7 +18,7 @@ SEEN = ("--image", IMAGE, "--camera", CAMERA, "--marks", MARKS)
 
 
 def pose_of(name):
-    """Where a part of the image truly is."""
+    """Return the true pose of a part in the image."""
     rows = [line.split(",") for line in (EXAMPLES / "images" / "truth.csv").read_text().splitlines()[1:]]
     (row,) = [row for row in rows if row[:2] == ["three_parts", name]]
     place, (w, *v) = np.array(row[2:5], dtype=float) * 1e-3, np.array(row[5:], dtype=float)

@@ -27,7 +27,7 @@ def _kernel():
 
 
 def exchanged(name, target, *, swap=("x_mm", "y_mm"), vectors=("dx", "dy")):
-    """The readings of an example with two columns exchanged."""
+    """Return the readings of an example with two columns exchanged."""
     a, b = swap
     u, v = vectors
     names = {a: b, b: a, u: v, v: u}

@@ -21,7 +21,7 @@ T_WORLD_PART = SE3.from_parts(SO3.axis_rotation(2, 0.6), np.array([0.42, -0.13, 
 
 
 def sensor_at(t, part):
-    """It swings about the part at 0.1 to 0.4 m/s and looks at its middle, from above and from two sides."""
+    """Return the pose of a sensor that swings about the part at 0.1 to 0.4 m/s, directed at its middle."""
     turn = np.array([0.9 * np.sin(1.3 * t), 0.8 * np.sin(1.9 * t), 0.0])
     look = SO3.exp(turn) @ np.array([0.0, 0.0, -1.0])
     wanders = 0.025 * np.array([np.sin(2.9 * t), np.cos(2.3 * t), np.sin(1.7 * t)])

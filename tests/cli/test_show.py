@@ -95,7 +95,7 @@ def test_our_own_mistakes_are_not_hidden(run, parts, monkeypatch):
 
 
 def on_terminal(args, **env):
-    """Standard output and error of a process that sees a terminal."""
+    """Return standard output and error of a process that runs in a terminal."""
     reader, writer = pty.openpty()
     clean = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR", "TERM")}
     process = subprocess.Popen(

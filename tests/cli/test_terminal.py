@@ -51,13 +51,13 @@ def test_sentences_are_folded_between_words_on_a_terminal_only(capsys, terminal)
 
 
 def shell(variables, *args):
-    """The program as a shell's completion calls it."""
+    """Return the program for the completion of a shell."""
     code = [sys.executable, "-c", "from tanteo.cli import main; main()", *args]
     return subprocess.run(code, env=os.environ | variables, capture_output=True, text=True, timeout=60)
 
 
 def complete(line):
-    """What bash is offered for the word at the end of a line."""
+    """Return the completions of bash for the word at the end of a line."""
     words = line.split(" ")
     got = shell({"_TANTEO_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)})
     return got.stdout.split()

@@ -23,7 +23,7 @@ def touches(tmp_path):
 
 
 def told(run, *words):
-    """The warnings of the document, which are those on standard error."""
+    """Return the warnings of the document, which equal those on standard error."""
     result = run(*words, "--json")
     assert result.out, result.err
     found = json.loads(result.out).get("warnings", [])

@@ -34,7 +34,7 @@ class Scene:
     nearest: np.ndarray
 
     def frame(self, **others):
-        """The samples for the core."""
+        """Return the samples in the form of the core."""
         values = {k: getattr(self, k) for k in ("points", "tangents", "normals", "lengths", "sharp", "corners")}
         values.update(diagonal=DIAGONAL, middle=MIDDLE, slack=SLACK)
         return _core.make_edge_frame(**{**values, **others})
@@ -63,7 +63,7 @@ def scene(seed, lens):
 
 
 def see(s, Ts, hidden):
-    """Which samples are seen, and which of them are rims."""
+    """Return which samples are visible, and which of them are on the outline."""
     eye = SE3.inverse(Ts)[:, :3, 3]
     ahead = np.einsum("bnj,nkj->bnk", eye[:, None] - s.points, s.normals) > 0
     rims = ahead[..., 0] ^ ahead[..., 1]
@@ -78,7 +78,7 @@ def see(s, Ts, hidden):
 
 
 def crossed(corners, start, way, reach):
-    """Whether a ray meets a triangle before ``reach`` ways: it solves ``start + t way = a + u (b - a) + v (c - a)``."""
+    """Return whether a ray hits a triangle before ``reach``, by ``start + t way = a + u (b - a) + v (c - a)``."""
     a, b, c = np.moveaxis(corners, 1, 0)
     M = np.stack([np.broadcast_to(-way, a.shape), b - a, c - a], axis=-1)
     t, u, v = np.linalg.solve(M, (start - a)[..., None])[..., 0].T

@@ -55,14 +55,14 @@ class Oracle:
         self.sagitta = self._sagitta()
 
     def log_density(self, T, z):
-        """Of everything, prior included."""
+        """Return the log density of the whole question, prior included."""
         hits = [self.hits(j, T, z) for j in range(len(self.q.points))]
         logs = [np.log(w) + self._log_at_rate(hits, r) for r, w in zip(self.q.rates, self.q.rate_weights, strict=True)]
         log = np.logaddexp.reduce(logs) + self.q.log_outlier.sum()
         return log + self.log_rays(T, z) + self.log_prior(T, z)
 
     def boxless(self):
-        """The same without boxes: the core's tree may or may not find flats whose box is farther than the reach."""
+        """Return the density without boxes: the core's tree may miss flats whose box is farther than the reach."""
         every = Oracle.__new__(Oracle)
         every.__dict__ = {**self.__dict__, "cuts": replace(self.cuts, box=np.inf)}
         return every
@@ -122,7 +122,7 @@ class Oracle:
         return log + self._tilted(j, t.normal, R.T @ self.q.normals[j], C, t.bends)
 
     def _sagitta(self):
-        """How far the facets of round faces lie off them."""
+        """Return the distance between facets and the round faces that they approximate."""
         off = [abs(f.profile.distance(m)[0]) for f in self.flats if f.profile for m in f.middles]
         return max([min(1.1 * d, 0.05 * self.body.diagonal) for d in off], default=0.0)
 
@@ -130,7 +130,7 @@ class Oracle:
         return np.allclose(self.q.covs[j], self.q.covs[j][0, 0] * np.eye(3), rtol=0, atol=1e-9 * self.q.covs[j][0, 0])
 
     def _share(self, flat, p, C, n, gap):
-        """Of the noise in the plane, given how far along its normal it was off, what falls into the outline."""
+        """Return the truncated-normal mass in the outline, given the offset along the normal."""
         frame = np.stack([flat.u, flat.v])
         along = frame @ C @ n / (n @ C @ n)
         spread = frame @ C @ frame.T - np.outer(along, along) * (n @ C @ n)
@@ -143,7 +143,7 @@ class Oracle:
         return np.log(max(-n @ d, GRAZING) if n @ d < 0 else LOOKS_AWAY)
 
     def _tilted(self, j, n, m, C, bends):
-        """A sensed normal: two tilts, each as uncertain as the sensor and as the surface where the point may be."""
+        """Return the density of a sensed normal: two tilts with the variances of sensor and surface."""
         if not m.any():
             return 0.0
         log = np.log(BEHIND) if n @ m <= 0 else 0.0
@@ -152,7 +152,7 @@ class Oracle:
         return log
 
     def on_edges(self, j, p, C, R):
-        """Normal across a straight edge, even along it."""
+        """Return the density at edges: normal across a straight edge, uniform along it."""
         hits = []
         for k, (a, b) in enumerate(self.body.edges.reshape(-1, 2, 3)):
             d = (b - a) / self.lengths[k]
@@ -166,7 +166,7 @@ class Oracle:
         return hits
 
     def on_corners(self, j, p, C, R):
-        """Normal about each corner, all alike."""
+        """Return the density at corners: normal about each corner, equal in all directions."""
         hits, count = [], len(self.body.corners)
         for k, c in enumerate(self.body.corners):
             q = (p - c) @ np.linalg.solve(C, p - c)
@@ -176,7 +176,7 @@ class Oracle:
         return hits
 
     def on_axes(self, j, p, C, R):
-        """A centre of a circle: normal across the axis of a hole or boss, even along it; its radius, side and axis.
+        """Return the density of a circle's centre: normal across the axis, uniform along it; its radius, side and axis.
 
         That of a sphere, or an apex, is normal about a point; an apex is named by the one end of its axis.
         """
@@ -212,7 +212,7 @@ class Oracle:
         return hits
 
     def blocked(self, j, p, d, C):
-        """Whether all of five rays along the free-space ray before a hit meet the part early."""
+        """Return whether all of five rays along the free-space ray before a hit meet the part early."""
         if not (self.q.free_reach[j] > 0 and d.any()):
             return False
         sd = np.sqrt(d @ C @ d)
@@ -223,7 +223,7 @@ class Oracle:
         return free > 0 and all(cast(self.body, s, d)[0] <= free for s in starts)
 
     def _log_at_rate(self, hits, rate):
-        """All points given the rate of outliers; points of one label are on one face, or contradict it."""
+        """Return the log density of all points at a rate of outliers; points of one label share a face."""
         groups, alone = self.q.groups, self.q.groups < 0
         density = np.array([sum(w for _, w in h) for h in hits])
         log = np.log((1 - rate) * density[alone] + rate + self.q.furniture[alone]).sum()
@@ -247,7 +247,7 @@ class Oracle:
         return np.log1p(-slip) + np.logaddexp.reduce(logs)
 
     def _portion(self, face):
-        """How likely a face is by its area, an edge by its length, a corner by their number."""
+        """Return the prior of a face by its area, of an edge by its length, of a corner by their number."""
         if face >= 0:
             return sum(f.area for f in self.flats if f.face == face) / self.area
         k = -2 - face
@@ -279,7 +279,7 @@ class Oracle:
         return abs(n @ d) / np.linalg.norm(n) < least_cosine - 1e-12
 
     def log_prior(self, T, z):
-        """Unit normal states, the noise scale, a mixture of normal densities of the pose, a table under it."""
+        """Return the log prior: unit normal states, the noise scale, a mixture of normal poses, a table."""
         q, D = self.q, self.q.shared_jacobian.shape[2]
         log = -0.5 * z[:D] @ z[:D]
         if q.scale_sd > 0:

@@ -16,7 +16,7 @@ SD = 5e-4
 
 
 def _body(rng):
-    """A body with axes anywhere, of holes, spheres and cones: ends, sizes, weight, side, number, kind."""
+    """Return a body with random axes of holes, spheres and cones: ends, sizes, weight, side, number, kind."""
     n = 12
     ends = rng.uniform(-0.02, 0.02, size=(n, 6))
     radii = np.sort(rng.uniform(2e-3, 6e-3, size=(n, 2)), axis=1)

@@ -27,7 +27,7 @@ ARRAYS = [
 
 
 def strange_question(body, scale, rng):
-    """A valid question: any size of noise, any kind of point, groups with gaps."""
+    """Return a valid question: any size of noise, any kind of point, groups with gaps."""
     n = int(rng.integers(0, 12))
     T = random_pose(rng, scale)
     p = body.surface_points(n, rng)[0] if n else np.zeros((0, 3))
@@ -52,7 +52,7 @@ def strange_question(body, scale, rng):
 
 
 def made(make, refusal):
-    """What was made; None where it was refused with such words."""
+    """Return the result, or None if the input was refused with one of the expected messages."""
     try:
         return make()
     except ValueError as error:

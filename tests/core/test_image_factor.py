@@ -36,7 +36,7 @@ def scene():
 
 
 def summed(factor, model, Ts):
-    """The sums of the factor's own term at poses in the camera, without shared errors."""
+    """Return the sums of the factor's own term at poses in the camera, without shared errors."""
     world = np.ascontiguousarray(factor.camera.T_world_camera @ Ts)
     return Sums(*_core.image_sums(factor.term(model.part, 0), world, np.zeros((len(Ts), factor.states))).T)
 
@@ -48,7 +48,7 @@ def near(T, rng, count):
 
 
 def foremost(groups, met):
-    """Samples that met an edge point which no other edge of the part, running the same way, met nearer."""
+    """Return the samples whose edge point is not hidden by a nearer parallel edge of the part."""
     out = met.hits.copy()
     places = met.pixels + met.offsets[:, None] * met.normals
     for i in np.flatnonzero(met.hits):
@@ -60,7 +60,7 @@ def foremost(groups, met):
 
 
 def from_grid(T):
-    """The pose with the eye on the nearest corner of the grid from which the core sees what is hidden."""
+    """Return the pose with the eye on the nearest grid corner from which the core evaluates visibility."""
     eye = SE3.inverse(T)[:3, 3]
     step = 2.0 ** np.floor(np.log2(2e-3 * np.linalg.norm(eye)))
     return SE3.from_parts(T[:3, :3], -T[:3, :3] @ (np.rint(eye / step) * step))
@@ -74,7 +74,7 @@ def by_edges(groups, values, spans):
 
 
 def beside(groups, met):
-    """Samples that have another edge of the part, or their own where it has turned, within 4 px."""
+    """Return the samples with another edge of the part, or a turn of their own edge, within 4 px."""
     out = np.zeros(len(groups), dtype=bool)
     for i in np.flatnonzero(met.inside):
         for j in np.flatnonzero(met.inside):

@@ -42,7 +42,7 @@ def log_densities(body, q, Ts, zs):
 
 
 def turned(q, W):
-    """The same question in another frame of the world."""
+    """Return the same question in another frame of the world."""
     R, t = W[:3, :3], W[:3, 3]
     rays = q.rays.copy()
     rays[:, :3], rays[:, 3:6] = rays[:, :3] @ R.T + t, rays[:, 3:6] @ R.T

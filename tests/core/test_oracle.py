@@ -109,7 +109,7 @@ OF_FACES = [_plain, _anisotropic, _blunt_beams, _normals, _uneven_normals, _tips
 
 
 def posed(body, make, seed, *, sd=1e-3, n=10):
-    """A question and poses near the truth with states."""
+    """Return a question and poses near the truth with states."""
     rng = np.random.default_rng(seed)
     T = random_pose(rng)
     q, normals = touched(body, T, n, sd, rng)

@@ -20,7 +20,7 @@ CUT = norm.sf(5)
 
 
 def sheet(outline):
-    """One face at z = 0, with nothing behind it."""
+    """Return one face at z = 0 without material below."""
     outline = np.asarray(outline, dtype=float)
     ears, none = _ears(outline), np.zeros((0, 3))
     vertices, faces = np.column_stack([outline, np.zeros(len(outline))]), np.zeros(len(ears), int)
@@ -28,13 +28,13 @@ def sheet(outline):
 
 
 def star(rng, corners, size):
-    """A polygon about the origin, concave as it comes."""
+    """Return a random polygon about the origin, mostly concave."""
     angles = np.sort(rng.uniform(0, 0.7, corners) + np.arange(corners)) * 2 * np.pi / corners
     return size * rng.uniform(0.3, 1, (corners, 1)) * np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 def core_shares(body, points, C):
-    """From the density of one point on the face: undirected, of the whole area."""
+    """Return the mass from the density of one point on the face: undirected, of the whole area."""
     q = replace(asked(points, 1.0), covs=np.tile(C, (len(points), 1, 1)))
     density = _core.details(body.shape(4), q.core(), np.eye(4)[None], np.zeros((1, 0)))[0][0, :, 0]
     area, sd = 0.5 * np.linalg.norm(body.across, axis=1).sum(), np.sqrt(C[2, 2])

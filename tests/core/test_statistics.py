@@ -30,7 +30,7 @@ def parts(tmp_path_factory):
 
 
 def drawn(prepared, n, rng, rate):
-    """A pose, and points of the part there."""
+    """Return a pose, and points of the part there."""
     part, T = prepared.part, random_pose(rng)
     corners = part.vertices[part.triangles]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -51,7 +51,7 @@ def posterior(prepared, points, rng, rate):
 
 
 def rank(found, T):
-    """For three coordinates of a corner of the box: the probability of samples below the truth."""
+    """Return for three coordinates of a corner of the box the fraction of samples below the truth."""
     corner = found.modes[0].prepared.part.box[1]
     truth, below = SE3.apply(T, corner), np.zeros(3)
     for mode in found.modes:
@@ -60,7 +60,7 @@ def rank(found, T):
 
 
 def squared_error(mode, T):
-    """Of the pose, by the covariance that is told."""
+    """Return the squared error of the pose relative to the stated covariance."""
     xi = SE3.log(SE3.inverse(mode.T_world_part) @ T)
     return xi @ np.linalg.solve(mode.covariance, xi)
 

@@ -17,7 +17,7 @@ FLIP = SE3.exp(np.array([0, 0, 0, np.pi, 0, 0]))
 
 
 def fitted_plane(rng, n=6):
-    """A plane through points of different noise."""
+    """Return a plane through points of different noise."""
     T, sds = random_pose(rng), rng.uniform(1e-4, 5e-4, n)
     at = rng.normal(size=(n, 2)) * [0.03, 0.01] + [0.02, -0.01]
     A = np.column_stack([np.ones(n), at[:, 1], -at[:, 0]])
@@ -26,7 +26,7 @@ def fitted_plane(rng, n=6):
 
 
 def fitted_edge(rng, n=5):
-    """An edge through points whose noise across it differs by direction, the same along it."""
+    """Return an edge through points whose noise across it differs by direction, the same along it."""
     T, x, R = random_pose(rng), rng.uniform(-0.04, 0.06, n), rng.normal(size=(2, 2))
     V = 1e-8 * (R @ R.T + np.eye(2))
     A = np.stack([[[1, 0, 0, s], [0, 1, -s, 0]] for s in x])

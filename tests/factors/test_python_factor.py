@@ -28,7 +28,7 @@ def block():
 
 
 def gauge(T, point, sd=SD, **more):
-    """A measurement of the world position of a point of the part, and its log density over an outlier of 1 m^3."""
+    """Return a measurement of the world position of a point of the part; outliers fill 1 m^3."""
     where = SE3.apply(T, point)
 
     def log_density(Ts, part):

@@ -41,7 +41,7 @@ def compiled(target, lines):
 
 
 def plain(lines, points, T, z=None):
-    """The formula of the C++ file."""
+    """Return the value of the formula in the C++ file."""
     L = np.zeros((6, 6)) if lines.station is None else np.linalg.cholesky(lines.station)
     error = np.zeros(6) if z is None else L @ z
     log, each = 0.0, not isinstance(lines.through, str)

@@ -25,7 +25,7 @@ def two_rows(n, half=0.015, apart=0.04):
 
 
 def scales(row):
-    """The scale of each of two sensors that look down from :data:`RANGE`, an error that its readings share."""
+    """Return the scale error of two sensors that measure down from :data:`RANGE`; all their readings share it."""
     jacobian = RANGE * DOWN[:, None]
     return [
         (SharedError(f"scale {k}", np.array([[SCALE**2]])), np.where((row == k)[:, None, None], jacobian, 0.0))
@@ -34,7 +34,7 @@ def scales(row):
 
 
 def drawn(places, row, rng):
-    """Readings of a surface with their noise and the errors that each row shares."""
+    """Return readings of a surface with their noise and the errors that each row shares."""
     shared = SCALE * RANGE * rng.normal(size=2)
     return places + np.column_stack([np.zeros((len(row), 2)), SD * rng.normal(size=len(row)) + shared[row]])
 

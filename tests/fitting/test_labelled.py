@@ -52,7 +52,7 @@ def test_a_wrong_reading_is_dropped_and_named_with_its_distance():
 
 
 def of_another_face(n):
-    """A face sensed ``n`` times from above, the last time really the one on the other side; and where it looked."""
+    """Return ``n`` readings of a face from above, the last one of the opposite face, and their beams."""
     rng = np.random.default_rng(5)
     points, looks = plane_points(n, rng, span=0.02), down(n)
     points[-1], looks[-1] = (0.01, 0.0, -0.05), (0.0, 0.0, 1.0)

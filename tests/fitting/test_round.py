@@ -23,7 +23,7 @@ def noise(n, rng, sd=SD):
 
 
 def sensed(kind, arc, n, rng, sd=SD):
-    """A frame, points on the feature in the world with noise, covariances, and vectors away from the axis."""
+    """Return a frame, points on the feature in the world with noise, covariances, and vectors away from the axis."""
     T = random_frame(rng)
     q, N = round_points(kind, arc, n)
     covs, L = noise(n, rng, sd)

@@ -16,12 +16,12 @@ SD, SHARED_SD, N, TRIALS = 2e-6, 1e-5, 16, 120
 
 
 def turned_tip(rng, away):
-    """An offset of the tip, which the hand carries along as it turns between touches."""
+    """Return an offset of the tip in the frame of the hand, which rotates between touches."""
     return SharedError("tip offset", SHARED_SD**2 * np.eye(3)), SO3.exp(0.7 * rng.normal(size=(len(away), 3)))
 
 
 def larger_ball(rng, away):
-    """A ball that is larger than stated, on bosses."""
+    """Return the error of a ball that is larger than stated, on bosses."""
     return SharedError("ball", np.array([[SHARED_SD**2]])), -away[..., None]
 
 

@@ -22,18 +22,18 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def read_aside(path, workers=1):
-    """In another process, as CAD files are; what cannot be read is a failure, not an exception."""
+    """Read a file in another process; a file that cannot be read is a failure, not an exception."""
     for failure in read_parts([path], unit="mm", cache=False, workers=workers).failures:
         raise PartError(failure.reason)
 
 
 def read_mesh(path):
-    """In this process, as few small meshes are."""
+    """Read a small mesh in this process."""
     read_aside(path, workers=0)
 
 
 def read_entry(path):
-    """An entry of the cache that is not what was written: the part is read anew, and is the part."""
+    """Read a part whose cache entry is damaged; the part is read again from its file and is equal."""
     name, kind = path.name.split(".", 1)
     entry = cache.cache_folder() / "parts" / name[:2] / f"{name}.{kind}"
     entry.parent.mkdir(parents=True, exist_ok=True)
@@ -46,7 +46,7 @@ def read_entry(path):
 
 
 def read_catalogue(path):
-    """A catalogue of which one file is not as it was written: its parts are those that were, or it is refused."""
+    """Read a catalogue with one damaged file; its parts are unchanged, or it is refused."""
     whole = path.parent / "seeds" / "catalogue"
     folder = path.with_name(f"{path.name}-of")
     shutil.rmtree(folder, ignore_errors=True)
@@ -68,7 +68,7 @@ def read_log(path):
 
 
 def answer(path):
-    """What the command line says of readings: one document or one error, and an exit code."""
+    """Run the command line on readings; it prints one document or one error, and returns an exit code."""
     said, out = io.StringIO(), io.StringIO()
     with redirect_stdout(out), redirect_stderr(said):
         try:
@@ -174,7 +174,7 @@ def _images(folder):
 
 
 def _record(folder):
-    """A session of two readings."""
+    """Return a session of two readings."""
     path = folder / "session.json"
     part = read_parts([folder / "box.stl"], unit="mm", workers=0)["box"]
     place = tanteo.around([part], np.eye(4), np.diag([1e-4] * 3 + [1e-2] * 3))

@@ -20,7 +20,7 @@ def peak():
 
 
 def outcome(reader, path):
-    """What a reader makes of a file: a word, and the trace of what should not have been."""
+    """Return what a reader makes of a file: a word, and the trace of an unexpected exception."""
     try:
         reader(path)
     except TanteoError as error:
@@ -33,7 +33,7 @@ def outcome(reader, path):
 
 
 def serve(pipe, folder):
-    """A worker: takes kind, name and content, answers what came of it and the memory needed so far."""
+    """Serve as a worker: take kind, name and content, return the outcome and the largest memory so far."""
     os.environ["TANTEO_CACHE"] = str(folder / f"cache-{os.getpid()}")
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 2)  # libraries complain there

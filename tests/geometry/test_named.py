@@ -55,7 +55,7 @@ def test_flat_forms(batch):
 
 
 def errors_of(T, truth, convention):
-    """What each convention says of a true frame, written out from its definition."""
+    """Return the result of each convention for a true frame, written out from its definition."""
     if convention == TANTEO:
         return SE3.log(SE3.inverse(T) @ truth)
     if convention == GTSAM:

@@ -20,7 +20,7 @@ def rng():
 
 
 def random_frame(rng, sds=None):
-    """A pose anywhere and a covariance with correlations."""
+    """Return a pose anywhere and a covariance with correlations."""
     A = rng.normal(size=(6, 6))
     C = A @ A.T / 6 + 0.2 * np.eye(6)
     scale = 10 ** rng.uniform(-7, -2, 2) if sds is None else np.array(sds)

@@ -98,7 +98,7 @@ def rig(targets):
 
 
 def same(a, b):
-    """Whether two sessions are one, to the last bit."""
+    """Return whether two sessions are equal to the last bit."""
     for name in ("weights", "poses", "covariances", "part", "rows"):
         np.testing.assert_array_equal(getattr(a.state, name), getattr(b.state, name))
     assert a.state.unknown == b.state.unknown

@@ -86,7 +86,7 @@ def test_references_that_grow_are_refused(tmp_path):
 
 
 def png(width, height, rows=0):
-    """A PNG that claims a size and has so many rows of it, all of zeros."""
+    """Return a PNG with a stated size and a number of rows, all of zeros."""
 
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))

@@ -39,7 +39,7 @@ SHORT, WHOLE = 2, 12
 
 
 def ended(block, most: int, name: str = "fake:grbl"):
-    """A session that nothing disturbs."""
+    """Return a session without a fault."""
     one = session(block, most=most)
     with driver(name, world_of(block), ABOVE) as machine:
         done = probe_part(one, SafeMachine(machine, LIMITS))
@@ -72,7 +72,7 @@ def test_every_driver_ends_at_the_same_pose(name, block):
 
 
 def interrupted(block, fault: Faults, most: int, record, undisturbed, name: str = "fake:grbl") -> None:
-    """A session that a fault ends, taken up again: the same pose, and no reading made twice or lost."""
+    """Return a session that a fault ends and that continues: equal pose, no reading repeated or lost."""
     there, one = world_of(block), session(block, most=most)
     with driver(name, there, ABOVE, fault) as machine:
         done = probe_part(one, SafeMachine(machine, LIMITS), record)

@@ -40,7 +40,7 @@ def covariance(kind, seed):
 
 
 def slopes(function, T1, T2):
-    """Derivatives of a function of two frames over both body errors, by differences."""
+    """Return numeric derivatives of a function of two frames over both body errors."""
     steps = [SE3.exp(H * np.eye(6)[k]) for k in range(6)]
     g1 = [(function(T1 @ s, T2) - function(T1 @ SE3.inverse(s), T2)) / (2 * H) for s in steps]
     g2 = [(function(T1, T2 @ s) - function(T1, T2 @ SE3.inverse(s))) / (2 * H) for s in steps]

@@ -56,7 +56,7 @@ def together(*shapes):
 
 
 def triangles_alone(shape):
-    """A solid whose faces have triangles and no surfaces."""
+    """Return a solid whose faces have triangles and no surfaces."""
     BRepMesh_IncrementalMesh(shape, 0.1, False, 0.3, False)
     builder, shell, solid = BRep_Builder(), TopoDS_Shell(), TopoDS_Solid()
     builder.MakeShell(shell)

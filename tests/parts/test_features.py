@@ -14,7 +14,7 @@ SOLIDS = ["box", "hexagon", "tetrahedron", "wedge", "rounded", "frustum", "ball"
 
 
 def notched(solids):
-    """An L-shaped bar (one concave edge), as a fan that is exact because the corner (25, 25) sees everything."""
+    """Return an L-shaped bar as a fan of triangles, exact because the outline is star-shaped about (25, 25)."""
     ring = np.array([(25, 25), (25, 60), (0, 60), (0, 0), (80, 0), (80, 25)], dtype=float)
     return solids.prism(ring, 40)
 

@@ -65,7 +65,7 @@ def cylinder(radius=20, height=50, x=0, y=0, z=0):
 
 
 def plate():
-    """A plate of 100 x 60 x 12 mm with two equal bores on its long middle line."""
+    """Return a plate of 100 x 60 x 12 mm with two equal bores on its long middle line."""
     shape = BRepPrimAPI_MakeBox(gp_Pnt(-50, -30, 0), gp_Pnt(50, 30, 12)).Shape()
     for x in (-30, 30):
         shape = BRepAlgoAPI_Cut(shape, cylinder(8, 20, x, 0, -4)).Shape()

@@ -20,7 +20,7 @@ SD = 2e-5
 
 
 def touched(target, seed, n=8):
-    """A start known to 3 mm and 2 degrees, the truth, and exact touches of it."""
+    """Return a start known to 3 mm and 2 degrees, the truth, and exact touches of it."""
     start, rng = rough([target], (3e-3, np.radians(2))), np.random.default_rng((2026, seed))
     _, T = drawn_truth(start, rng)
     p, _ = surface_points(target, n, rng)

@@ -81,7 +81,7 @@ TOUCH = replace(LASER, contact=True, standoff=0.05, clearance=0.008)
 
 
 def over_the_top(state, gap, thick=0.01):
-    """A plate so far over the part, larger than it on all sides."""
+    """Return a plate above the part at a distance, larger than it on all sides."""
     corners = SE3.apply(state.poses[0], state.target(0).part.vertices)
     low, high = corners.min(axis=0), corners.max(axis=0)
     bottom = np.r_[low[:2] - 0.3, high[2] + gap]

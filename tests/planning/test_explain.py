@@ -34,7 +34,7 @@ def target(tmp_path_factory):
 
 
 def touch(name, point_mm, axis):
-    """A beam that meets the face whose outward normal is an axis, there."""
+    """Return a beam that hits the face whose outward normal is an axis."""
     return Readings.from_columns(
         1e-3 * np.array([point_mm], dtype=float), ids=[name], directions=-np.eye(3)[[axis]], ranges=np.array([0.1])
     )

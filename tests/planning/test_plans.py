@@ -302,7 +302,7 @@ def test_what_a_probe_cannot_be_names_the_value():
 
 
 def carried_out(found, target, start, sd, rng):
-    """How far the worst place is off after a plan whose readings are made blindly and told to ``locate``."""
+    """Return the largest error of a place after a plan whose readings go to ``locate`` without feedback."""
     T = start.Ts[0] @ SE3.exp(np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=6))
     origins, directions = of_plan(found)
     ranges = met_by_beams(target, T[None], origins, directions)[0][:, 0]

@@ -148,7 +148,7 @@ def test_a_symmetric_part_is_one_answer_and_no_more_probable():
 
 
 def two_places(target):
-    """A part at one of two places 0.1 m apart, of unequal probability and spread."""
+    """Return a part at one of two places 0.1 m apart, with unequal probabilities and covariances."""
     Ts = SE3.exp(np.array([[0, 0, 0, 0, 0, 0], [0.1, 0, 0, 0, 0, 0.3]]))
     C = np.stack([np.diag(np.repeat(sds, 3) ** 2) for sds in ((1e-3, 0.01), (2e-3, 0.02))])
     return Start((target,), np.zeros(2, dtype=np.int64), Ts, C, np.array([0.9, 0.1]), Priors(noise_factor=1.0))

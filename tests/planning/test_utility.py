@@ -255,7 +255,7 @@ CONE = replace(LASER, beam_half_angle=np.radians(8), max_incidence=np.radians(75
 
 
 def random_rays(target, T, origin, direction, rng, n=3000):
-    """Which rays, drawn evenly from the spot of the cone, are answered, and their depths along its axis."""
+    """Return which random rays, uniform in the spot of the cone, are answered, and their axial depths."""
     slope, turn = np.tan(CONE.beam_half_angle) * np.sqrt(rng.uniform(size=n)), rng.uniform(0, 2 * np.pi, n)
     u, v = np.linalg.svd(direction[None])[2][1:]
     rays = direction + slope[:, None] * (np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v)

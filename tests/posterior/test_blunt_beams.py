@@ -21,7 +21,7 @@ def slotted():
 
 
 def made(directions, half_angle, tolerance=0.0):
-    """Readings of 100 mm with a spread along of 2 mm, as touches."""
+    """Return readings of 100 mm with a standard deviation of 2 mm along the beam, as touches."""
     n = len(directions)
     readings = Readings.from_columns(np.zeros((n, 3)), directions=directions, ranges=np.full(n, 0.1))
     return as_contact_points(measure(readings, sd=SD, beam_half_angle=half_angle), tolerance)

@@ -15,7 +15,7 @@ COUNT = 70
 
 
 def plate(length):
-    """A plate with a large and a small bore near one end, of which only the length differs [mm]."""
+    """Return a plate with a large and a small bore near one end; only its length varies [mm]."""
     body = manifold3d.Manifold.cube((length, 60, 16))
     for x, y, radius in ((25, 30, 12), (50, 15, 4)):
         body -= manifold3d.Manifold.cylinder(40, radius, radius, 32).translate((x, y, -10))

@@ -18,7 +18,7 @@ SIDES = ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1))
 
 
 def box_faces(size):
-    """Normal, centroid and reach of the six faces of a box from the origin."""
+    """Return normal, centroid and reach of the six faces of a box from the origin."""
     rows = []
     for axis, sign in SIDES:
         n, c = np.eye(3)[axis] * sign, size / 2
@@ -28,14 +28,14 @@ def box_faces(size):
 
 
 def wall(start, end, radius, *, share=1.0, side=1, number=0, kind=3):
-    """A row of a hole: half its length beyond its ends."""
+    """Return a row of a hole with its wall: half of its length beyond its ends."""
     a, b = np.array(start, dtype=float), np.array(end, dtype=float)
     beyond = 0.5 * (b - a) if kind == 3 else 0.0
     return [*(a - beyond), *(b + beyond), radius, radius, share, side, number, kind]
 
 
 def block(rng, holes=None, *, crossing=True):
-    """A block with holes along z through it, and one along x: size, and the rows of its axes."""
+    """Return a block with holes along z through it, and one along x: size, and the rows of its axes."""
     size = rng.uniform([0.06, 0.05, 0.015], [0.12, 0.09, 0.03])
     count = holes or int(rng.integers(3, 7))
     rows = []
@@ -345,7 +345,7 @@ def test_compiled_nats_are_those_of_plain_numbers(blocks, every):
 
 
 def plainly(centres, part, T):
-    """What centres and planes cost at a pose."""
+    """Return the cost of centres and planes at a pose, computed directly."""
     size, rows = part
     total, back = 0.0, SE3.inverse(T)
     for c in centres.rows:

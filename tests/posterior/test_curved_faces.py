@@ -39,12 +39,12 @@ def test_touches_of_a_hundredth_of_a_millimetre_are_believed(flange):
 
 
 def exact(target):
-    """The round faces behind its mesh."""
+    """Return the round faces that the mesh approximates."""
     return exact_faces(target.part, target.surface.normals)
 
 
 def distances(target, points):
-    """From the surface itself, not from the facets of its mesh."""
+    """Return distances from the surface itself, not from the facets of its mesh."""
     closest, off = target.surface.closest(points), np.zeros(len(points))
     exact(target).replace(np.array(points), closest.triangles, off, np.array(target.surface.normals[closest.triangles]))
     return np.where(exact(target).rows[closest.triangles] >= 0, off, closest.distances)

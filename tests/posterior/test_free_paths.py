@@ -21,13 +21,13 @@ def block():
 
 
 def through(path, target, covariance=None, shared=None):
-    """How far before its end the part is surely in the way of a path."""
+    """Return how far before its end the part surely blocks a path."""
     covariance = np.zeros((6, 6)) if covariance is None else covariance
     return gone_through(path, np.eye(4), covariance, shared, target)[0]
 
 
 def from_above(target, inside, half_angle):
-    """A path down onto the top, so far inside of its border, free to well below it."""
+    """Return a path down onto the top, at a distance inside its border, free to well below it."""
     low, high = target.part.box
     origin = np.array([high[0] - inside, 0.5 * (low[1] + high[1]), high[2] + 0.1])
     slopes = np.array([0.5 * np.tan(half_angle)])

@@ -163,7 +163,7 @@ def test_places_remain_under_a_wrong_label(plate):
 
 
 def features(axes):
-    """The holes as circles and cylinders, and the face as points of one label."""
+    """Return the holes as circles and cylinders, and the face as points of one label."""
     out = []
     for k, (centre, kind) in enumerate(zip(FIRST, (CIRCLE, CIRCLE, CYLINDER, CYLINDER), strict=True)):
         axis = 2 if kind is CIRCLE else kind.axis

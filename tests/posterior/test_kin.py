@@ -18,7 +18,7 @@ def steps(parts):
 
 
 def read(steps, name, seed, n=30):
-    """Readings of a laser on a part at a random pose."""
+    """Return readings of a laser on a part at a random pose."""
     rng, target = np.random.default_rng(seed), steps[name]
     T = box_centred_pose(rng)
     return T, scene(target, T, LASER, n, rng, radius=target.part.radius)[0]

@@ -149,7 +149,7 @@ def test_a_prior_names_one_of_symmetric_poses(parts):
 
 
 def across(hypothesis, part):
-    """Standard deviation of the centroid along x [m]."""
+    """Return the standard deviation of the centroid along x [m]."""
     R, C = hypothesis.T_world_part[:3, :3], hypothesis.covariance
     J = (R @ np.hstack([np.eye(3), -SO3.hat(part.centroid)]))[0]
     return float(np.sqrt(J @ C @ J))

@@ -14,7 +14,7 @@ from tanteo.posterior.sampling.sampler import ControlVariate, Sampler
 
 
 def sample_prior(n, seed, bend=0.0, scale=1.0):
-    """Samples of a wide density, weighed for a normal one that is ``scale`` times as heavy, and bent."""
+    """Return samples of a wide density with weights for a normal density of weight ``scale``, and a bent one."""
     rng = np.random.default_rng(seed)
     x = 1.5 * rng.normal(size=(n, 6))
     gaps = np.sum(x * x, axis=1)

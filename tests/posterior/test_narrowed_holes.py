@@ -15,7 +15,7 @@ MOVED = 3
 
 
 def holes(k):
-    """Of plate ``k`` the second hole is elsewhere, or larger."""
+    """Return the holes of plate ``k``, whose second hole is displaced or larger."""
     x, y, radius = HOLES[1]
     return [HOLES[0], (x - MOVED * (k % 3), y + MOVED * (k // 3), radius), *HOLES[2:]]
 

@@ -28,7 +28,7 @@ FAMILIES, MEMBERS = 8, 10
 
 
 def angle_part(a, b, width, depth, t, s):
-    """An angle: an L of two legs of different thickness, and its depth [mm]."""
+    """Return an angle: an L of two legs of different thickness, and its depth [mm]."""
     outline = np.array([(0, 0), (a, 0), (a, t), (s, t), (s, b), (0, b)], dtype=float)
     n = len(outline)
     vertices = np.concatenate([np.c_[outline, np.zeros(n)], np.c_[outline + np.array([width, 0]), np.full(n, depth)]])
@@ -197,7 +197,7 @@ POSE = SE3.exp(np.array([0.1, -0.2, 0.3, 0.5, 1.0, -0.7]))
 
 
 def planes_at_a_pose(planes):
-    """All planes of a part as they would be sensed, and three of them that fix the pose."""
+    """Return all planes of a part as a sensor measures them, and three of them that fix the pose."""
     n = len(planes)
     rows = np.column_stack([
         planes.normals @ POSE[:3, :3].T, SE3.apply(POSE, planes.centroids), np.full(n, SD), np.full(n, 1e-3),
@@ -258,7 +258,7 @@ def test_the_nats_of_a_pose_are_those_of_its_planes(catalogue):
 
 
 def nats(rows, faces, T):
-    """Of planes at a pose: each on the face that costs it least, or on none."""
+    """Return the cost of planes at a pose [nat]: each on its least costly face, or on none."""
     into = SE3.inverse(T)
     p, n = SE3.apply(into, rows[:, 3:6]), rows[:, :3] @ into[:3, :3].T
     off = p[:, None] - faces[:, 3:6]

@@ -59,7 +59,7 @@ def poses(touches, target):
 
 
 def nearest(target, T, Ts):
-    """How far the nearest of some poses, or of their symmetric images, puts the part's box from a pose [m]."""
+    """Return the box error of the nearest of some poses or of their symmetric images, from a pose [m]."""
     corners = target.part.box[[[0, 0, 0], [1, 1, 1]], [0, 1, 2]]
     images = (Ts[:, None] @ target.part.symmetry.Ts).reshape(-1, 4, 4)
     return np.linalg.norm(SE3.apply(images[:, None], corners) - SE3.apply(T, corners), axis=-1).max(axis=1).min()

@@ -14,7 +14,7 @@ from tanteo.posterior.outliers import beta_binomial_tail, log_by_rate, outlier_r
 
 
 def log_density(log_hit, log_outlier, mean):
-    """Of all readings at each pose, the rate of outliers integrated out by the nodes of the engine."""
+    """Return the log density of all readings at each pose, integrated over the outlier rate by the engine's nodes."""
     return log_sum(log_by_rate(log_hit, log_outlier, *outlier_rates(mean, log_hit.shape[1])), axis=0)
 
 

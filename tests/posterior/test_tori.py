@@ -41,7 +41,7 @@ def plates(tmp_path_factory):
 
 
 def sensed(rings, T, rng, *, convex=True, sizes=True):
-    """The tori of a plate as features, with their errors."""
+    """Return the tori of a plate as features, with their errors."""
     out = []
     for k, (x, y, radius, tube) in enumerate(rings):
         P = np.diag([SD**2] * 3 + [TILT**2] * 2)

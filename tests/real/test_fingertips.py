@@ -22,7 +22,7 @@ SD = 5e-3
 
 
 def points_of(name):
-    """The points of a file: ``OFF``, a line of counts, then one point a line."""
+    """Return the points of a file: ``OFF``, a line of counts, then one point a line."""
     lines = [line.split("#")[0].split() for line in (FOLDER / "touches" / f"{name}.off").read_text().splitlines()]
     rows = [line[:3] for line in lines if line][2:]
     return np.array(rows, dtype=float)
@@ -77,13 +77,13 @@ def test_real_cylinder(targets):
 
 
 def _peak(target, T, points):
-    """The maximum that one pose leads to."""
+    """Return the maximum that a search from one pose reaches."""
     problem = Problem(touches_of(points, 1.6 * SD), no_paths(), Priors(noise_factor=1.0, radius=target.part.radius))
     return posterior_about(problem, target, T[None], np.random.default_rng(0)).modes[0].T_peak
 
 
 def _evidence_beside(target, T, points):
-    """By how much a pose found from many about this one is more probable than the maximum it leads to."""
+    """Return the log-evidence gain of a pose found from many starts over the maximum it leads to."""
     touches, priors = touches_of(points, 1.6 * SD), Priors(noise_factor=1.0, radius=target.part.radius)
     shaken = T @ SE3.exp(np.random.default_rng(0).normal(size=(300, 6)) * np.repeat([5e-3, 0.05], 3))
     problem = Problem(touches, no_paths(), priors)

@@ -22,7 +22,7 @@ REST, BETWEEN = 10.0, 0.1
 
 
 def recorded(readings, kind, folder):
-    """The wrist rests at each place while the sensor repeats its reading; its pose comes between the readings."""
+    """Write a bag: the wrist rests at each place while the sensor repeats its reading; poses come between."""
     recording, begin, before = Recording(kind), 0.0, None
     for k, T in enumerate(readings.Ts_world_hand):
         if before is None or not np.array_equal(T, before):

@@ -27,7 +27,7 @@ def part(tmp_path_factory):
 
 
 def sensor_at(t, part):
-    """It swings about the part and looks at its middle."""
+    """Return the pose of a sensor that swings about the part and points at its middle."""
     turn = np.array([0.9 * np.sin(1.3 * t), 0.8 * np.sin(1.9 * t), 0.0])
     look = SO3.exp(turn) @ np.array([0.0, 0.0, -1.0])
     wanders = 0.3 * part.radius * np.array([np.sin(2.9 * t), np.cos(2.3 * t), np.sin(1.7 * t)])
@@ -49,7 +49,7 @@ def read(part, times, ranges, noise=0.0):
 
 
 def estimated(part, moments, ranges, noise=0.0):
-    """Where the stamps are taken to be the moments of the readings."""
+    """Return the estimate under the assumption that stamps are the moments of the readings."""
     shifted = [read(part, moments - shift, ranges, noise) for shift in (0.0, -STEP, STEP)]
     hypothesis = SimpleNamespace(T_world_part=T_WORLD_PART, outliers=())
     return estimate_latency(shifted, STEP, partial(measure, sd=SD), hypothesis, part)

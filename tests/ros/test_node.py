@@ -25,7 +25,7 @@ SD = 1e-4
 
 
 def python_of_ros() -> str | None:
-    """One that has rclpy: this one where ROS 2 is sourced, or that of ``make ros``."""
+    """Return a Python that has rclpy: this one if ROS 2 is sourced, or that of ``make ros``."""
     if find_spec("rclpy") is not None and find_spec("tf2_msgs") is not None:
         return sys.executable
     made = Path(sys.prefix) / "ros" / "bin" / "python"

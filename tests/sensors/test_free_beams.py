@@ -18,7 +18,7 @@ FREE = np.arange(N) % 2 == 1
 
 
 def eye(T_hand_unit=T_UNIT, **changes):
-    """A zone of a sensor, which looks past the axis of its device."""
+    """Return a zone of a sensor whose beam is off the axis of its device."""
     values = {
         "preset": None, "sd": 1e-3, "beam_half_angle": 0.05, "max_range": 1.0, "bias_sd": 1e-3, "scale_sd": 0.01,
         "cov_mount": MOUNT, "unit": "head", "T_hand_unit": T_hand_unit, "T_hand_sensor": T_hand_unit @ T_ZONE,
@@ -44,7 +44,7 @@ def touched(Ts, free=FREE):
 
 
 def differences(measured_with, d):
-    """How origins and directions of free-space rays move, a column an error."""
+    """Return how origins and directions of free-space rays change, one column for each error."""
     beams = [[measured_with(way * STEP * e).free for way in (1, -1)] for e in np.eye(d)]
     return (
         np.stack([(getattr(a, name) - getattr(b, name)) / (2 * STEP) for a, b in beams], axis=-1)

@@ -13,7 +13,7 @@ from tanteo.vision.edges import image_noise
 
 
 def step_image(angle, offset, rng=None, noise=0.0, contrast=80.0, blur=0.8, size=96):
-    """A straight step at ``normal (p - middle) = offset``, blurred and integrated over pixels."""
+    """Return an image of a straight step at ``normal (p - middle) = offset``, blurred and integrated over pixels."""
     fine = 4
     at = (np.arange(size * fine) + 0.5) / fine - 0.5
     x, y = np.meshgrid(at, at)

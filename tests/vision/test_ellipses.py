@@ -49,7 +49,7 @@ def arc(ellipse, degrees, rng=None, sd=0.1, count=60):
 
 
 def disc(shape, centre, semi_axes, blur, rng=None):
-    """An image of a dark ellipse without error, blurred."""
+    """Return an image of a dark ellipse without error, blurred."""
     import cv2
 
     y, x = (np.mgrid[: 8 * shape[0], : 8 * shape[1]] + 0.5) / 8 - 0.5

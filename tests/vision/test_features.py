@@ -23,7 +23,7 @@ EDGES = [(0, 1), (0, 2), (0, 4), (1, 3), (1, 5), (2, 3), (2, 6), (4, 5), (4, 6)]
 
 
 def segments_of(pixels, rng=None, sd=0.2):
-    """The model's edges as segments, their middle and direction drawn from the stated covariance."""
+    """Return the model's edges as segments, with middle and direction drawn from the stated covariance."""
     ends, middles, directions, covariances = [], [], [], []
     for i, j in EDGES:
         a, b = pixels[i], pixels[j]

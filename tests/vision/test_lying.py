@@ -46,7 +46,7 @@ def with_copies(camera, points, T, T_camera_table, length, share):
 
 
 def factor_of(model, camera, image, edges):
-    """The image's factor of the largest region, and the prior of the table there."""
+    """Return the image's factor of the largest region, and the prior of the table there."""
     region = max(find_regions(image, edges.points), key=lambda region: region.mask.sum())
     T_camera_table = SE3.inverse(camera.T_world_camera)
     errors = TableErrors()

@@ -56,7 +56,7 @@ def many(monkeypatch):
 
 
 def whole(shots):
-    """Those of which the part is whole in the image, with its region."""
+    """Yield the scenes whose part is completely in the image, with its region."""
     for row, shot in shots:
         for region in find_regions(shot.image, find_edges(shot.image))[:1]:
             outline = seen_outline(shot.camera, region, SE3.inverse(shot.camera.T_world_camera))

@@ -32,7 +32,7 @@ def seen():
 
 
 def answer(model, camera, edges, T, lying=LYING):
-    """The best answer of an image, from one pose."""
+    """Return the best answer of an image, from one pose."""
     image = ImageEdges(camera, edges, np.array([0.05]))
     return hypothesis(infer(image, [(model, T[None])], 1, lying=lying).modes[0], image, lying=lying is not None)
 
@@ -147,7 +147,7 @@ def test_without_edges_of_the_part_nothing_is_known(seen):
 
 
 def scene(part):
-    """A camera, its image of a part that lies alone on a table, and the pose of the part in the world."""
+    """Return a camera, its image of a part alone on a table, and the pose of the part in the world."""
     camera, image, _, T = seen_alone(prepare_vision(part), 0.5)
     return camera, image, camera.T_world_camera @ T
 
@@ -166,7 +166,7 @@ def test_parts_of_one_name_keep_their_own_constants():
 
 
 def cone_frustum():
-    """A frustum of a cone of 40 mm, of 48 facets."""
+    """Return a frustum of a cone of 40 mm, of 48 facets."""
     angles = np.linspace(0, 2 * np.pi, 48, endpoint=False)
     rings = [np.c_[r * np.cos(angles), r * np.sin(angles), np.full(48, z)] for r, z in ((0.02, 0.0), (0.012, 0.04))]
     k, following = np.arange(48), (np.arange(48) + 1) % 48

@@ -21,7 +21,7 @@ from vision_scenes import PARTS
 
 
 def other_camera(camera):
-    """The same camera, turned about the middle of the table by 40 degrees."""
+    """Return the same camera, rotated about the middle of the table by 40 degrees."""
     turn = SE3.from_parts(SO3.axis_rotation(2, np.radians(40.0)), np.zeros(3))
     return replace(camera, T_world_camera=turn @ camera.T_world_camera)
 

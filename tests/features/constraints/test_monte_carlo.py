@@ -33,7 +33,7 @@ def draw(T, factor, kind, noise):
 
 
 def inside(nees, dof):
-    """The mean of N values of chi-square with ``dof`` degrees of freedom is in its 99.9 % interval."""
+    """Check that the mean of N values of chi-square with ``dof`` degrees of freedom is in its 99.9 % interval."""
     low, high = special.chdtri(dof * N, [0.9995, 0.0005]) / N
     assert low < np.mean(nees) < high, f"{np.mean(nees):.4f} outside {low:.4f}..{high:.4f}"
 

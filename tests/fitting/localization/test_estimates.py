@@ -39,7 +39,7 @@ def interval(dof, level=0.95):
 
 
 def free_motion(kind, rng, size=0.02):
-    """A random motion of a feature along its own degrees of freedom."""
+    """Return a random motion of a feature along its own degrees of freedom."""
     out = np.eye(4)
     for rows, scale in (([i for i in kind.free if i < 3], size), ([i for i in kind.free if i >= 3], 1.0)):
         xi = np.zeros(6)
@@ -49,7 +49,7 @@ def free_motion(kind, rng, size=0.02):
 
 
 def on_feature(relation, radius, rng):
-    """A relative frame for which the relation holds exactly, a few centimetres away."""
+    """Return a relative frame for which the relation holds exactly, a few centimetres away."""
     T = SE3.exp(rng.normal(size=6) * np.r_[np.full(3, 0.05), np.ones(3)])
     for _ in range(60):
         f, D = relation.linearize(T, np.array(radius))
@@ -119,7 +119,7 @@ class Scene:
         return out
 
     def blocks(self, Ts, trials):
-        """All trials as one batch; one block a pairing."""
+        """Return all trials as one batch with one block for each pairing."""
         L = np.sqrt(np.concatenate([np.diag(e.covariance) for e in self.errors])) if self.errors else np.zeros(0)
         blocks = []
         for i, (relation, T) in enumerate(zip(self.relations, Ts, strict=True)):

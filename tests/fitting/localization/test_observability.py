@@ -62,7 +62,7 @@ def pairings(features, T_world_part, rng, noise=1.0):
 
 
 def residuals(features, T_world_part, T):
-    """All residuals of exact features at another pose."""
+    """Return all residuals of exact features at another pose."""
     exact = pairings(features, T_world_part, np.random.default_rng(0), noise=0.0)
     return np.concatenate(
         [

@@ -25,7 +25,7 @@ def over(x, y, height):
 
 
 def beside_the_edge(*solids):
-    """A session that has scanned the block's top and looked nowhere else."""
+    """Return a session that has scanned only the block's top."""
     robot = SimulatedHand(
         Scene.of([BLOCK, *solids]), gripper(), over(0.06, 0.022, STANDOFF), rng=np.random.default_rng(0)
     )

@@ -20,7 +20,7 @@ PLACES = np.array([[-0.03, 0.0, 0.0], [0.0, 0.0, 0.0], [0.03, 0.0, 0.0]])
 
 
 def crossing(x, border, name="cross edge", below=None):
-    """The hand goes out along y with its first sensor at ``x``; where the face ends there, ``border`` says."""
+    """Return poses of a hand that moves along y with its first sensor at ``x``; the face ends at ``border``."""
     hand, R, log = gripper(), np.diag([1.0, -1.0, -1.0]), []
     first = hand.frontal[0]
     for k, y in enumerate(np.arange(-0.012, 0.012, 2e-4)):

@@ -14,7 +14,7 @@ SD = 4e-4
 
 
 def event(x, y, sensor=0, sd=SD):
-    """The beam straight down at (x, y), 20 mm over the surface."""
+    """Return the event of a beam straight down at (x, y), 20 mm over the surface."""
     R = np.diag([1.0, -1.0, -1.0])
     foot = np.array([x, y, 0.0]) - R @ (gripper().origins[sensor] + [0, 0, 0.02])
     return EdgeEvent(sensor, SE3.from_parts(R, foot), 0.02, 1e-4, sd, True)

@@ -28,7 +28,7 @@ def guesses(part, kind, towards=UP, covariance=NONE):
 
 
 def on_face(part, surface, name, point, normal):
-    """Whether a place of the world is on that face, met first along its normal."""
+    """Return whether a point of the world is on a face and the first hit along its normal."""
     T = SE3.inverse(POSE)
     p, n = SE3.apply(T, point), T[:3, :3] @ normal
     hit = surface.cast(p + 0.5 * n, -n)

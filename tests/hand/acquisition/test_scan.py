@@ -29,7 +29,7 @@ RULES = Rules(clearance=0.6 * STANDOFF)
 
 
 def over(y, turn, tilt=0.0, height=STANDOFF):
-    """The hand over (0, y), turned about its axis and then tilted about x."""
+    """Return the pose of the hand over (0, y), rotated about its axis and then tilted about x."""
     R = SO3.axis_rotation(0, tilt) @ np.diag([1.0, -1.0, -1.0]) @ SO3.axis_rotation(2, turn)
     return SE3.from_parts(R, np.array([0.0, y, height]) - R @ gripper().front)
 

@@ -24,7 +24,7 @@ def session_on(*solids):
 
 
 def farthest(log):
-    """How far any sphere of the body went from where it was first [m]."""
+    """Return the largest displacement of any sphere of the body from its start [m]."""
     centres = gripper().body.placed(np.array([s.T_world_hand for s in log]))
     return float(np.linalg.norm(centres - centres[0], axis=-1).max())
 

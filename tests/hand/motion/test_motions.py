@@ -38,7 +38,7 @@ PLATE = Scene.of([box("plate", [-0.1, -0.1, -0.02], [0.1, 0.1, 0.0])])
 
 
 def over(x=0.0, y=0.0, height=0.06, tilt=(0.0, 0.0, 0.0)):
-    """The hand looking down, its front over a place, turned about its front."""
+    """Return the pose of the hand that points down, its front above a place, rotated about its front."""
     R = np.diag([1.0, -1.0, -1.0]) @ SO3.exp(np.array(tilt))
     return SE3.from_parts(R, np.array([x, y, height]) - R @ gripper().front)
 

@@ -11,7 +11,7 @@ from tanteo.io import read_readings
 
 
 def spoiled(data: bytes, rng: np.random.Generator) -> bytes:
-    """The sample with a few bytes changed, left out, or repeated."""
+    """Return the sample with a few bytes changed, removed or repeated."""
     out = bytearray(data)
     for _ in range(rng.integers(1, 6)):
         k, n = int(rng.integers(0, max(len(out), 1))), int(rng.integers(1, 30))

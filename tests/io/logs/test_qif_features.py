@@ -16,7 +16,7 @@ SIDES = {"1": "INTERNAL", "2": "EXTERNAL", "3": "NOT_APPLICABLE"}
 
 
 def document(measured, *, modes=None, extra=""):
-    """A document with these measurements; each ``item`` refers to a nominal and a definition of its number."""
+    """Return a document with these measurements; each ``item`` refers to a nominal and a definition of its number."""
     items = "".join(
         f'<CircleFeatureItem id="i{k}"><FeatureNominalId>n{k}</FeatureNominalId><FeatureName>F{k}</FeatureName>'
         f"<DeterminationMode><{(modes or {}).get(k, 'Checked')}/></DeterminationMode></CircleFeatureItem>"

@@ -89,7 +89,7 @@ def test_a_grid_without_status_and_one_of_four_rows(tmp_path):
 
 
 def objects(capture, distances, confidences):
-    """One line of the TMF8828's driver: 36 results, of which 9, 18, 27 and 36 are of the reference."""
+    """Return one line of the TMF8828's driver: 36 results, where 9, 18, 27 and 36 belong to the reference."""
     pairs = np.stack([distances, confidences], axis=1).ravel()
     return f"#Obj,65,{capture},18,18,388525," + ",".join(map(str, pairs)) + "\n"
 

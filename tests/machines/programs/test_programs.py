@@ -46,7 +46,7 @@ def jobs(part):
 
 
 def expected_gap(part, points):
-    """Of the ball's centre from the part where it is expected, signed [m]."""
+    """Return the signed distance of the ball's centre from the part at its expected pose [m]."""
     surface = Surface(part.vertices, part.triangles)
     return signed_distance(surface, SE3.apply(SE3.inverse(T_EXPECTED), np.atleast_2d(points)))[0]
 

@@ -15,7 +15,7 @@ def box(*sides):
 
 
 def angle():
-    """An L-shaped bar: one reflex edge, and two ends with a reflex corner each."""
+    """Return an L-shaped bar: one reflex edge, and two ends with a reflex corner each."""
     outline = np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]], dtype=float)
     caps = np.array([[0, 1, 3], [1, 2, 3], [0, 3, 5], [3, 4, 5]])
     n = len(outline)

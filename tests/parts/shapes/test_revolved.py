@@ -24,7 +24,7 @@ def surface_of(kind, u, v):
 
 
 def placed(kind, sign, count):
-    """That surface with its axis along (2, 3, 6) / 7 through a point that is not the origin, so many rows."""
+    """Return the surface with its axis along (2, 3, 6) / 7 through a point off the origin, for a number of rows."""
     axis, point = np.array([2.0, 3.0, 6.0]) / 7, np.array([0.1, -0.2, 0.05])
     x = np.cross(axis, [1.0, 0.0, 0.0])
     x /= np.linalg.norm(x)
@@ -70,7 +70,7 @@ def test_on_the_axis_there_is_no_gradient_and_the_mesh_stays():
 
 
 def tube(count=24, radius=0.03, height=0.1):
-    """A prism with that many sides, and its ends, about z."""
+    """Return a prism with that many sides, and its ends, about z."""
     u = 2 * np.pi * np.arange(count) / count
     ring = radius * np.stack([np.cos(u), np.sin(u)], axis=1)
     vertices = np.concatenate([np.c_[ring, 0 * u], np.c_[ring, height + 0 * u], [[0, 0, 0], [0, 0, height]]])

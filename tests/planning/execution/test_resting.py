@@ -21,7 +21,7 @@ ABOVE = SE3.from_parts(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 0.15])
 
 
 def log(first, second, T=ABOVE):
-    """Readings of the frontal sensors; NaN is a free-space ray, minus one an echo that was lost."""
+    """Return readings of the frontal sensors; NaN is a free-space ray, minus one a lost echo."""
     out = []
     for a, b in zip(first, second, strict=True):
         ranges, states = np.full(len(HAND.origins), np.nan), np.full(len(HAND.origins), LOST)
@@ -114,7 +114,7 @@ TABLE = Furniture(Scene.of([box("table", [-1, -1, -0.05], [1, 1, 0])]).surface)
 
 
 def flat_look(tilt):
-    """A hand whose first frontal sensor meets the table at 80 mm, so far from above [deg]; the way its beam goes."""
+    """Return a hand whose first frontal sensor hits the table at 80 mm at an angle [deg], and its beam."""
     turn = SE3.exp(np.r_[np.zeros(3), 0.0, np.radians(tilt), 0.0])
     T = turn @ ABOVE
     axis = T[:3, :3] @ HAND.axes[FIRST]
@@ -123,7 +123,7 @@ def flat_look(tilt):
 
 
 def nearest(axis):
-    """What the ray of the cone that meets the table first reads, as far along the axis."""
+    """Return the axial reading of the ray of the cone that hits the table first."""
     slope, half = np.arccos(-axis[2]), error_model(HAND.rig).beam_half_angle[FIRST]
     return 0.08 * np.cos(slope) / np.cos(slope - half) * np.cos(half)
 

@@ -33,7 +33,7 @@ def plates(tmp_path_factory):
 
 
 def session_about(unknown, targets, number, **stop) -> Session:
-    """Which of the plates it is, the pose being known to tenths of a millimetre; only whole features can be had."""
+    """Return a session that identifies a plate with a pose known to 0.1 mm from whole features only."""
     session = unknown_session(unknown)
     C = np.diag(np.repeat([2e-4, 1e-3], 3) ** 2)
     start = replace(

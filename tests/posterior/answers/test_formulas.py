@@ -44,7 +44,7 @@ def wheel(tmp_path_factory):
 
 
 def turned_about(part, angle):
-    """The part's own spin, as a motion of its frame."""
+    """Return the rotation of the part about its own axis, as a motion of its frame."""
     point, axis = part.symmetry.axis
     return SE3.exp(angle * np.r_[np.cross(point, axis), axis])
 

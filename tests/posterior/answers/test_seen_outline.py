@@ -23,7 +23,7 @@ AROUND = np.stack([np.cos(TURNS), np.sin(TURNS)])
 
 
 def wedge(folder, name, a, b, c, cut=15):
-    """A block, slanted at one end [mm]."""
+    """Return a block, slanted at one end [mm]."""
     corners = np.array([[x, y, z] for x in (0, a) for y in (0, b) for z in (0, c)], dtype=float)
     corners[corners[:, 0] == a, 0] -= cut * (corners[corners[:, 0] == a, 1] > 0)
     write_off(folder / f"{name}.off", corners, BOX)
@@ -38,7 +38,7 @@ def parts(tmp_path_factory):
 
 
 def outline(part, rest, yaw, *, place=(0.03, 0.02), light=None, noise=None):
-    """What the camera sees of a part in a stable pose, with its shadow under a light from a direction."""
+    """Return the image outline of a part in a stable pose, with its shadow under a light from a direction."""
     ways = known_stable_poses(part)
     T = SE3.from_parts(SO3.axis_rotation(2, yaw), np.array([*place, 0.0])) @ ways[rest].T_table_part
     x = SE3.apply(T, part.vertices)

@@ -18,7 +18,7 @@ def answer(wedge):
 
 
 def motions(answer, ways, enlarged):
-    """One standard deviation of each way, from the overlays."""
+    """Return one standard deviation of each motion in the overlays."""
     T = np.stack([way.Ts_world_part[0, 1] for way in ways])
     return SE3.log(SE3.inverse(answer.T_world_part) @ T) / enlarged
 

@@ -56,7 +56,7 @@ class Live(Watched):
         self.page.get_by_role("button", name=name, exact=True).click()
 
     def tick(self, name, *, on):
-        """A box of the legend: it answers when the page gets to it."""
+        """Tick a box of the legend and wait for the page."""
         self.page.get_by_label(name, exact=True).click()
         expect(self.page.get_by_label(name, exact=True)).to_be_checked(checked=on)
 
@@ -94,7 +94,7 @@ def open_page(browser, live, screenshots, request):
 
 
 def pixel(point, middle, size, window):
-    """Where a place of the world is seen ``(2,)``."""
+    """Return the pixel of a point of the world ``(2,)``."""
     from tanteo.render.live.page import FOV, seen_from
 
     width, height = window

@@ -17,7 +17,7 @@ from viewer_scenes import TRUE, Person, maker
 
 
 def play(make, *wants, seed=3):
-    """A person with these wishes; the sessions that were begun, in order."""
+    """Return a simulated user with given actions, and the sessions that were begun, in order."""
     begun = []
 
     def remembered(*chosen):
@@ -32,7 +32,7 @@ def play(make, *wants, seed=3):
 
 
 def from_above(x, y, tilt=0.0):
-    """A click straight down, or from a side, on a place of the part's frame [m]."""
+    """Return a click along -z, or from a side, on a point of the part's frame [m]."""
 
     def wish(person):
         ray = np.array([np.sin(tilt), 0.0, -np.cos(tilt)])

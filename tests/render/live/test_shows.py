@@ -25,7 +25,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def down(x, y, number=1):
-    """A reading straight down from 200 mm."""
+    """Return a reading straight down from 200 mm."""
     return Action(number, np.array([x, y, 0.2]), DOWN, 0.3, 0.1, "part", "face 1", np.nan, ChosenByUser())
 
 
@@ -78,7 +78,7 @@ def test_a_click_looks_along_the_normal_of_what_it_points_at(session):
 
 
 def replaced(session, target):
-    """The session with this part alone, so that nothing else is in the way."""
+    """Return the session with this part alone, so that no other object is in the way."""
     from tanteo.planning import at_pose
 
     k = next(i for i, t in enumerate(session.start.targets) if t is target)

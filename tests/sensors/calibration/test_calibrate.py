@@ -12,13 +12,13 @@ RUNS, STATIONS, FRESH = 24, 25, 8
 
 
 def mean_in_interval(values, dof, slack=1.0):
-    """The mean of ``len(values)`` chi-squares lies where it should with 99.9 percent; ``slack`` stretches the model."""
+    """Check that the mean of chi-square values is in its 99.9 % interval; ``slack`` widens it."""
     low, high = chi2.ppf([0.0005, 0.9995], dof * len(values)) / len(values)
     return low < np.mean(values) / slack < high
 
 
 def errors_of(beam, T_true, scale, slant):
-    """In the fitted beam's frame; the spin about the beam means nothing."""
+    """Return the errors in the fitted beam's frame, without the rotation about the beam."""
     R = beam.T_hand_beam[:3, :3]
     origin = R.T @ (T_true[:3, 3] - beam.T_hand_beam[:3, 3])
     aim = R.T @ T_true[:3, 2]
