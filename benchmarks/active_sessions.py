@@ -18,13 +18,13 @@ import tanteo
 from sensing_scenes import (
     FLIGHT,
     LASER,
+    beam_hits,
     drawn_truth,
-    met_by_beams,
+    give_any_readings,
     new_session,
     off,
     rough,
     sense,
-    tell_anything,
     true_range,
 )
 from tanteo.planning import Action, Choice, draw, predict
@@ -130,7 +130,7 @@ class Clairvoyant:
         s, c, priors = context, context.candidates, context.state.start.priors
         samples = draw(s.state, 600)
         p = predict(samples, c.origins, c.directions)
-        true = met_by_beams(self.target, self.T[None], c.origins, c.directions)[0]  # (C, 1)
+        true = beam_hits(self.target, self.T[None], c.origins, c.directions)[0]  # (C, 1)
         answers, hits = p.met & s.probe.answers(p.ranges, p.cosines), np.isfinite(true)
         own = s.probe.variance(np.where(answers, p.ranges, 1.0), np.where(answers, p.cosines, 1.0)) + p.variances
         gaps = np.where(answers, p.ranges, 0.0) - np.where(hits, true, 0.0)
@@ -216,7 +216,7 @@ def run_sequence(seed, number):
         "",
     )
     try:
-        tell_anything(session, targets[k], T, rng, int(rng.integers(1, 7)))
+        give_any_readings(session, targets[k], T, rng, int(rng.integers(1, 7)))
     except Exception as error:  # noqa: BLE001 - every exception is counted and shown
         broke = f"sequence {number}: {type(error).__name__}: {error}"
     return {"readings": len(session.steps), "broke": broke}

@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from common import Table
 
 import tanteo
-from sensing_scenes import FLIGHT, LASER, located, met_by_beams, new_session, sense
+from sensing_scenes import FLIGHT, LASER, beam_hits, located, new_session, sense
 from tanteo.geometry import SE3
 from tanteo.planning import Start
 from tanteo.planning.discrimination import laid_on
@@ -76,7 +76,7 @@ def max_measurements(pair, k, probe, beams_tried, draws, seed):
     d[half:] = np.eye(3)[rng.integers(3, size=beams_tried - half)] * rng.choice([-1, 1], (beams_tried - half, 1))
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     origins, sd = aims - probe.standoff * d, float(probe.law.const)
-    r = [met_by_beams(pair[j], drawn(start, j, draws, rng), origins, d)[0] for j in (0, 1)]
+    r = [beam_hits(pair[j], drawn(start, j, draws, rng), origins, d)[0] for j in (0, 1)]
     r = [np.where(x < probe.max_range, x, np.inf) for x in r]
     chosen = np.argmax([chance([x[b, ::2] for x in r], sd) for b in range(beams_tried)])
     return chance([x[chosen, 1::2] for x in r], sd)  # by other draws than it was chosen by

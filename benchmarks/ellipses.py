@@ -29,7 +29,7 @@ from tanteo.geometry import SE3, SO3
 from tanteo.parts import round_features
 from tanteo.vision import Stage, circle_poses, fit_ellipse, prepare_vision, project_circle, render, rendered_part, see
 from vision import pose_errors
-from vision_scenes import random_look
+from vision_scenes import random_rendering
 
 TILTS = ((0, 5), (5, 10), (10, 20), (20, 40), (40, 75))
 ARCS = (360, 180, 120, 90, 75, 60, 45, 30)
@@ -159,7 +159,7 @@ def scene(k, seed, folder):
     turned = SE3.from_parts(SO3.axis_rotation(2, rng.uniform(-np.pi, np.pi)), place)
     flat = max(truth.rests, key=lambda rest: rest.probability)
     T = turned @ flat.T_table_part
-    image, _ = render(Stage(camera, [rendered_part(truth.part, T, rng.uniform(70, 150))], random_look(rng)), rng)
+    image, _ = render(Stage(camera, [rendered_part(truth.part, T, rng.uniform(70, 150))], random_rendering(rng)), rng)
     out = {}
     for rims in (True, False):
         some = models if rims else [without_rims(model) for model in models]

@@ -106,7 +106,7 @@ def holes(k: int, folder: Path, seed: int) -> Outcome:
     specs, parts = plates("twins" if k % 2 else "plates", folder)
     which, T = int(rng.integers(len(parts))), made.box_centred_pose(rng)
     most = 100 if k % 2 else 1 + k % 6
-    readings = made.sensed_holes(parts[which], specs[which], T, rng, told=bool(k // 2 % 2), most=most)
+    readings = made.sensed_holes(parts[which], specs[which], T, rng, sized=bool(k // 2 % 2), most=most)
     return tanteo.identify(readings, parts, seed=seed), {p.name: p for p in parts}
 
 
@@ -117,7 +117,7 @@ def cones(k: int, folder: Path, seed: int) -> Outcome:
     rng = np.random.default_rng((SEED, 2, k))
     specs, parts = plates("cones", folder)
     which, T = int(rng.integers(len(parts))), made.box_centred_pose(rng)
-    readings = made.sensed(specs[which], T, rng, told=bool(k % 2))
+    readings = made.sensed(specs[which], T, rng, sized=bool(k % 2))
     return tanteo.identify(readings, parts, seed=seed), {p.name: p for p in parts}
 
 

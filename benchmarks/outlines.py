@@ -26,7 +26,7 @@ from tanteo.factors import ContactPoints, FreeRays, surface_points
 from tanteo.geometry import SE3
 from tanteo.posterior import Priors, WholeObject, identify_points
 from tanteo.vision import narrowed, outline_of_readings, prepare_vision, see_table
-from vision_scenes import random_shot, told_table
+from vision_scenes import random_shot, stated_table
 
 KINDS = {
     "outline": "the outline alone",
@@ -58,7 +58,7 @@ def answered(
 ) -> tuple[str, float, dict[str, float]] | None:
     """Status, probability of the unknown object and of each part in one scene; None where the part leaves the image."""
     shot = random_shot([prepare_vision(part)], rng)
-    T_world_table = told_table(shot, part, rng)
+    T_world_table = stated_table(shot, part, rng)
     points = sensed(part, shot.T_world_part, 30 if kind.endswith("30") else 12, rng)
     start = time.process_time()
     try:

@@ -32,7 +32,7 @@ from random_parts import random_part
 from tanteo.catalogue import read_parts
 from tanteo.geometry import SE3
 from tanteo.vision import prepare_vision, see_table, silhouette
-from vision_scenes import in_camera, random_shot, told_table
+from vision_scenes import in_camera, random_shot, stated_table
 
 SEED = 1991
 BINS = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)
@@ -88,7 +88,7 @@ def run_image(count, k, image, hidden, seed):
     rng = np.random.default_rng([seed, k, image])
     other = others[int(rng.integers(len(others)))] if rng.uniform() < UNKNOWN_SHARE else None
     shot = random_shot([models[k]], rng, hidden, other)
-    T_world_table = told_table(shot, (other or models[k]).part, rng)
+    T_world_table = stated_table(shot, (other or models[k]).part, rng)
     start = time.process_time()
     sight = see_table(shot.image, shot.camera, models, T_world_table=T_world_table, top=20)
     spent = time.process_time() - start

@@ -31,7 +31,7 @@ from tanteo.vision.candidates import candidates_in, own_edges
 from tanteo.vision.image_edges import Weights
 from tanteo.vision.posterior import searched, sums_at
 from tanteo.vision.sight import area_of, image_of_region
-from vision_scenes import random_shot, told_table
+from vision_scenes import random_shot, stated_table
 
 CATALOGUES, SEED, FIRST = (7001, 7002), 7100, 21
 """Seeds of the parts and of the scenes, and the first scene; no test or benchmark uses them."""
@@ -68,7 +68,7 @@ def scene(k):
     known, others = catalogues()[k % 2], catalogues()[1 - k % 2]
     other = others[int(rng.integers(len(others)))] if rng.uniform() < UNKNOWN_SHARE else None
     shot = random_shot(known, rng, float(rng.choice(HIDDEN)), other)
-    return known, shot, other, told_table(shot, (other or shot.model).part, rng)
+    return known, shot, other, stated_table(shot, (other or shot.model).part, rng)
 
 
 def near(model, T, truth):

@@ -25,7 +25,7 @@ from tanteo.vision.image_edges import Weights
 from tanteo.vision.posterior import infer
 from tanteo.vision.sight import area_of, image_of_region
 from vision import models_of, pose_errors
-from vision_scenes import in_camera, random_shot, told_table
+from vision_scenes import in_camera, random_shot, stated_table
 
 SEED = 2024
 WAYS = {
@@ -68,7 +68,7 @@ def pose(image, hidden, noise, wrong, stated):
     camera, points = replace(shot.camera, edge_sd=stated), find_edges(shot.image)
     if wrong:
         camera = distorted_camera(camera, wrong, np.random.default_rng([SEED, image, 2]))
-    table = told_table(shot, model.part, np.random.default_rng([SEED, image, 1]))
+    table = stated_table(shot, model.part, np.random.default_rng([SEED, image, 1]))
     T_camera_table = SE3.inverse(camera.T_world_camera) @ table
     truth, errors = in_camera(shot), TableErrors()
     there = silhouette(model.frame.surface, camera, truth)

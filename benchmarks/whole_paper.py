@@ -34,7 +34,7 @@ from tanteo.planning import HYPOTHESES, part_seen, seen_start, sense_part
 from tanteo.posterior import prepare
 from tanteo.vision import RenderedObject, Stage, prepare_vision, render, rendered_part, see_table, silhouette
 from unknown_scenes import off, unknown_scene, unknown_session
-from vision_scenes import random_look
+from vision_scenes import random_rendering
 
 SEED, TOLERANCE = 1991, 2e-3
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
@@ -67,7 +67,7 @@ def view(unknown, models, number, rng):
     clamp = next(s for s in unknown.scene.solids if s.name == "clamp")
     objects = [rendered_part(models[number].part, unknown.T_world_part, rng.uniform(70, 150))]
     objects.append(RenderedObject.of_mesh(clamp.vertices, clamp.triangles, rng.uniform(70, 150)))
-    image, _ = render(Stage(camera, objects, random_look(rng)), rng)
+    image, _ = render(Stage(camera, objects, random_rendering(rng)), rng)
     start = time.process_time()
     known = silhouette(Scene.of([clamp]).surface, camera, SE3.inverse(at))
     seen = part_seen(see_table(image, camera, models, top=HYPOTHESES, ignore=known), unknown.start)

@@ -120,15 +120,15 @@ def wrong_task(rng, what):
         return round_task(rng, radius=radius, mesh=solid(), wrong=exact)
     if what == "step":
         task = round_task(rng, radius=radius, mesh=solid(half=0.06), wrong=exact)
-        aside = (0.06 + rng.uniform(-0.5, 0.5) * radius) * task.T_world_rim[:3, 0]
-        return replace(task, guess=replace(task.guess, point=task.guess.point + aside))
+        offset = (0.06 + rng.uniform(-0.5, 0.5) * radius) * task.T_world_rim[:3, 0]
+        return replace(task, guess=replace(task.guess, point=task.guess.point + offset))
     if what == "larger bore":
         task = round_task(rng, radius=radius, wrong=exact)
         return replace(task, guess=replace(task.guess, radius=radius / rng.uniform(1.5, 2.0), radius_share=0.05))
     if what == "next bore":
         task = round_task(rng, radius=radius, wrong=(0.002, np.radians(3.0), 0.02))
-        aside = rng.uniform(0.025, 0.035) * task.T_world_rim[:3, 0]
-        return replace(task, guess=replace(task.guess, point=task.guess.point + aside, sd=0.003))
+        offset = rng.uniform(0.025, 0.035) * task.T_world_rim[:3, 0]
+        return replace(task, guess=replace(task.guess, point=task.guess.point + offset, sd=0.003))
     boss = what == "boss for bore"
     task = round_task(rng, convex=boss, radius=rng.uniform(0.030, 0.040) if boss else radius, wrong=exact)
     return replace(task, guess=replace(task.guess, convex=not boss))

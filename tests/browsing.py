@@ -111,20 +111,20 @@ class Watched:
             viewport=dict(zip(("width", "height"), SIZES[size], strict=True)), color_scheme=scheme, offline=offline,
             has_touch=size == "phone",
         )  # fmt: skip
-        self.page, self.said, self.asked = self.context.new_page(), [], []
+        self.page, self.messages, self.requests = self.context.new_page(), [], []
         self.page.set_default_timeout(PATIENCE)
         self.page.on("console", lambda m: self._heard(m.text) if noise is None or m.type in noise else None)
-        self.page.on("pageerror", lambda error: self.said.append(str(error)))
-        self.page.on("request", lambda request: self.asked.append(request.url))
-        self.page.on("websocket", lambda socket: self.asked.append(socket.url.replace("ws://", "http://")))
+        self.page.on("pageerror", lambda error: self.messages.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("websocket", lambda socket: self.requests.append(socket.url.replace("ws://", "http://")))
         self.page.goto(url)
-        self.settle()
+        self.wait_until_quiet()
 
     def _heard(self, text):
         if "GL Driver Message" not in text:  # the browser about its own screenshots
-            self.said.append(text)
+            self.messages.append(text)
 
-    def settle(self):
+    def wait_until_quiet(self):
         """Wait until what was wanted has been drawn."""
         self.page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 

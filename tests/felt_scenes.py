@@ -26,10 +26,10 @@ MOST_TURNED, MOST_OFF = np.radians(60), 0.030
 ABOVE = 0.040, 0.060
 """The start is this much higher than the stand-off [m], before it is turned and displaced."""
 
-START_ROOM = 0.025
+START_CLEARANCE = 0.025
 """Around the hand at the start, beyond half the stand-off [m]: its fingers swing so far when it looks around."""
 
-WORKING_ROOM = 0.025
+WORKING_CLEARANCE = 0.025
 """To each side of the true place, for the hand over it [m]: table and clamp leave so much beyond the clearance."""
 
 SHORTEST = 0.05
@@ -108,7 +108,7 @@ def _try(rng, kind, name, clamp):
     along = np.cross(normal, rng.normal(size=3))
     start = wrong @ facing(hand, place, normal, along / np.linalg.norm(along), high, np.eye(4))
     workspace = Workspace.above(0.0)
-    free = START_ROOM + 0.5 * standoff
+    free = START_CLEARANCE + 0.5 * standoff
     if not workspace.allows(hand.body, start, free) or clearances(scene, hand.body, start[None])[0] < free:
         return None
     return Task(name, scene, start, standoff, guess(wrong), guess(np.eye(4)), workspace, turned, off)
@@ -222,10 +222,10 @@ def _possible(rng, scene, hand, place, normal, standoff):
             continue
         # besides the part itself, the hand has room to work
         beside = Scene.of([s for s in scene.solids if s.name in ("table", "clamp")])
-        shifts = WORKING_ROOM * np.stack([along, -along, across, -across])
-        around = np.repeat(T[None], 4, axis=0)
-        around[:, :3, 3] += shifts
-        if clearances(beside, hand.body, around).min() > 0.6 * standoff:
+        shifts = WORKING_CLEARANCE * np.stack([along, -along, across, -across])
+        shifted_poses = np.repeat(T[None], 4, axis=0)
+        shifted_poses[:, :3, 3] += shifts
+        if clearances(beside, hand.body, shifted_poses).min() > 0.6 * standoff:
             return True
     return False
 

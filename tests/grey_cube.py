@@ -68,10 +68,10 @@ def measured_corners(image, model, T_camera_cube):
     The pose says which edge points belong to which edge (within 4 px); the lines are free.
     """
     edges = map_edges(find_edges(image))
-    met = meet(model.frame, camera(), edges, T_camera_cube, 4.0)
+    hits = meet(model.frame, camera(), edges, T_camera_cube, 4.0)
     lines = {}
-    for group in np.unique(model.frame.groups[met.hits]):
-        points = edges.points.pixels[met.points[met.hits & (model.frame.groups == group)]]
+    for group in np.unique(model.frame.groups[hits.hits]):
+        points = edges.points.pixels[hits.points[hits.hits & (model.frame.groups == group)]]
         middle = np.median(points, axis=0)
         for _ in range(5):
             way = np.linalg.svd(points - middle)[2][0]

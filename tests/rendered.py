@@ -8,7 +8,7 @@ from tanteo.geometry import SE3, SO3
 from tanteo.vision import Camera, RenderedObject
 
 
-def slab_thing(outline, height, T_world_slab, paint):
+def rendered_slab(outline, height, T_world_slab, paint):
     """Return a slab over a star-shaped outline, counter-clockwise ``(n, 2)``."""
     n = len(outline)
     flat = np.concatenate([outline, outline.mean(axis=0, keepdims=True)])

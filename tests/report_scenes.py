@@ -20,7 +20,7 @@ ROUGH = np.diag(np.repeat([3e-3, 0.05], 3) ** 2)
 TOUCH = Probe("touch", NoiseLaw.of(SD), contact=True, standoff=0.03)
 
 
-def told(*parts):
+def touched_session(*parts):
     """Return a session with touches of the first part face by face and one beam that hit nothing, no plan."""
     targets = [prepare(part) for part in parts]
     session = Session(

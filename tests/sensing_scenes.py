@@ -98,7 +98,7 @@ def where_a_ball_stops(target, T, action, radius):
     return t if t <= action.max_range else np.inf
 
 
-def met_by_beams(target, Ts, origins, directions):
+def beam_hits(target, Ts, origins, directions):
     """Return the hits of beams on a part at poses: ranges, cosines, faces ``(C, S)``, derivatives ``(C, S, 6)``.
 
     A miss is infinite, 0, -1 and 0. The derivatives are those to a face that is a plane where the beam meets it.
@@ -107,17 +107,17 @@ def met_by_beams(target, Ts, origins, directions):
     starts = np.einsum("sij,csj->csi", R, origins[:, None] - Ts[None, :, :3, 3])
     along = np.einsum("sij,cj->csi", R, directions)
     hits = target.surface.cast(starts, along)
-    met, reached = np.isfinite(hits.distances), np.where(np.isfinite(hits.distances), hits.distances, 0.0)
-    n = np.where(met[..., None], target.surface.normals[hits.triangles], 0.0)
+    hit, reached = np.isfinite(hits.distances), np.where(np.isfinite(hits.distances), hits.distances, 0.0)
+    n = np.where(hit[..., None], target.surface.normals[hits.triangles], 0.0)
     cosine = np.einsum("csi,csi->cs", n, along)
     moved = np.concatenate([n, np.cross(starts + reached[..., None] * along, n)], axis=-1)
-    faces = np.where(met, target.part.triangle_face[hits.triangles], -1)
-    return hits.distances, np.abs(cosine), faces, moved / np.where(met, cosine, 1.0)[..., None]
+    faces = np.where(hit, target.part.triangle_face[hits.triangles], -1)
+    return hits.distances, np.abs(cosine), faces, moved / np.where(hit, cosine, 1.0)[..., None]
 
 
 def as_rows(target, origins, directions, probe):
     """Return how readings change with a part's pose at the origin ``(N, 6)``, and variances of new ones ``(N,)``."""
-    ranges, cosines, _, g = met_by_beams(target, np.eye(4)[None], origins, directions)
+    ranges, cosines, _, g = beam_hits(target, np.eye(4)[None], origins, directions)
     return g[:, 0], probe.own_variance(ranges, cosines)[:, 0]
 
 
@@ -174,7 +174,7 @@ def valid(session):
     assert not len(b.covariances) or np.linalg.eigvalsh(b.covariances).min() > 0
 
 
-def tell_anything(session, target, T, rng, steps):
+def give_any_readings(session, target, T, rng, steps):
     """Give valid and invalid readings: planned, wrong, free, repeated, late, not finite; check the posterior."""
     late = []
     for _ in range(steps):

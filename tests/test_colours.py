@@ -72,7 +72,7 @@ PALETTES = {
 
 @pytest.mark.parametrize("eyes", SEEN)
 @pytest.mark.parametrize("palette", PALETTES)
-def test_marks_can_be_told_apart(palette, eyes):
+def test_marks_can_be_distinguished(palette, eyes):
     for one, other in itertools.combinations(PALETTES[palette], 2):
         assert apart(PALETTES[palette][one], PALETTES[palette][other], eyes) > 15, (one, other)
 

@@ -80,11 +80,11 @@ def test_the_index_has_every_page():
     assert set((ROOT / "docs" / "notebooks").glob("[0-9]*.py")) <= linked
 
 
-def test_the_code_map_has_every_room():
+def test_the_code_map_has_every_package():
     text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 200
-    for room in pkgutil.iter_modules(tanteo.__path__):
-        assert f"`{room.name}{'/' if room.ispkg else '.py'}`" in text, room.name
+    for package in pkgutil.iter_modules(tanteo.__path__):
+        assert f"`{package.name}{'/' if package.ispkg else '.py'}`" in text, package.name
 
 
 @pytest.mark.parametrize("page", DECISIONS, ids=name)

@@ -435,7 +435,7 @@ def test_a_machine_of_ones_own_places_a_part(here, touched, tmp_path):
         parse_machine("millbox:/dev/ttyUSB0")
 
 
-def test_a_machine_of_ones_own_is_held_by_the_limits(acme):
+def test_a_custom_machine_respects_the_limits(acme):
     there = World(Surface(*wedge_in_metres()), np.eye(4), 1e-3)
     with opened(parse_machine("fake:millbox"), there, np.array([0.02, 0.02, 0.1])) as driver:
         safe = SafeMachine(driver, MachineLimits(Workspace(np.zeros(3), np.full(3, 0.2)), 1e-3))
@@ -519,7 +519,7 @@ def test_a_proposer_that_fails_is_named(install, body, got, request):
 def test_an_import_error_is_named_where_the_plug_in_is_used(install, tmp_path):
     points = {group: {f"bad{k}": "broken_one:THING"} for k, group in enumerate(POINTS)}
     install({"broken_one": BROKEN}, points, "broken-kit")
-    said = (
+    text = (
         r"^broken-kit 1\.0, entry point 'bad{k} = broken_one:THING' of {group}: expected a plug-in that can be "
         r"imported, got ModuleNotFoundError: No module named 'nothing_of_this_name'\. Repair or uninstall it\.$"
     )
@@ -533,7 +533,7 @@ def test_an_import_error_is_named_where_the_plug_in_is_used(install, tmp_path):
     }
     for k, group in enumerate(POINTS):
         for _ in range(2):  # the second time, too
-            with pytest.raises(PluginError, match=said.format(k=k, group=re.escape(group))):
+            with pytest.raises(PluginError, match=text.format(k=k, group=re.escape(group))):
                 calls[k]()
     assert tanteo.read_parts(tmp_path / "a.bad0").failures[0].reason.startswith("broken-kit 1.0, entry point")
 
@@ -695,8 +695,8 @@ def test_what_fails_later_is_named_too(install, tmp_path):
         write_program("lang", job)
     with pytest.raises(PluginError, match="expected a program as text, got bytes"):
         write_program("notext", job)
-    for text, said in (("machine://h", inner), ("nodriver://h", "expected a Machine with all its methods, got object")):
-        with pytest.raises(PluginError, match=said), opened(parse_machine(text)):
+    for text, text in (("machine://h", inner), ("nodriver://h", "expected a Machine with all its methods, got object")):
+        with pytest.raises(PluginError, match=text), opened(parse_machine(text)):
             pass
     there = World(Surface(*wedge_in_metres()), np.eye(4), 1e-3)
     with pytest.raises(PluginError, match=inner), opened(parse_machine("fake:machine"), there, np.zeros(3)):
@@ -710,7 +710,7 @@ def test_what_fails_later_is_named_too(install, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("word", "said"),
+    ("word", "text"),
     [
         ("level", "as NAME=FILE"),
         ("level=", "as NAME=FILE"),
@@ -718,16 +718,16 @@ def test_what_fails_later_is_named_too(install, tmp_path):
         ("levle={file}", "Did you mean 'level'?"),
     ],
 )
-def test_factors_that_cannot_be_meant_are_refused(here, touched, word, said):
+def test_factors_that_cannot_be_meant_are_refused(here, touched, word, text):
     folder, _ = touched
     words = ["identify", folder / "touches.arm", "--parts", folder / "wedge.tri", "--sd", "0.1mm", "--radius", "0mm"]
     found = here(*words, "--factor", word.format(file=folder / "level.txt"))
     assert found.returncode in (1, 2)
-    assert said in found.stderr
+    assert text in found.stderr
     assert "Traceback" not in found.stderr
 
 
-def test_without_plug_ins_a_factor_says_what_is_missing(tmp_path):
+def test_without_plug_ins_a_factor_names_what_is_missing(tmp_path):
     (tmp_path / "level.txt").write_text("0 0 1 0.1")
     with pytest.raises(InputError, match="expected a plug-in that reads factors to be installed, got 'level'"):
         read_factor("level", tmp_path / "level.txt")

@@ -31,9 +31,9 @@ def test_the_region_holds_the_truth_when_the_noise_is_another(factor, count):
     assert sum(row["held"] for row in sure) >= binom.ppf(1e-3, len(sure), 0.9)
 
 
-def test_a_noise_that_is_another_is_told_with_its_spread():
+def test_a_different_noise_is_reported_with_its_spread():
     part = tanteo.read_part(Path(__file__).parents[1] / "examples/parts/block.step")
-    rng, told = np.random.default_rng(5), []
+    rng, results = np.random.default_rng(5), []
     corners = part.vertices[part.triangles]
     for _ in range(8):
         rows = rng.integers(len(corners), size=40)
@@ -41,12 +41,12 @@ def test_a_noise_that_is_another_is_told_with_its_spread():
         readings = tanteo.Readings.from_columns(points=points, sds=np.full(40, 3e-4))
         scale, low, high = tanteo.locate(readings, part).hypotheses[0].noise_scale
         assert low < scale < high
-        told.append(low < 2 < high)
-    assert sum(told) >= binom.ppf(1e-3, 8, 0.95)
+        results.append(low < 2 < high)
+    assert sum(results) >= binom.ppf(1e-3, 8, 0.95)
 
 
 @pytest.mark.parametrize("sd", [1e-5, 5e-4])
-def test_a_noise_of_which_nobody_said_any_is_told(sd):
+def test_an_unstated_noise_is_estimated(sd):
     part = tanteo.read_part(Path(__file__).parents[1] / "examples/parts/block.step")
     rng = np.random.default_rng(6)
     corners = part.vertices[part.triangles]

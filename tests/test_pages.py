@@ -183,8 +183,8 @@ def test_commands_and_their_options_exist(page):
             assert set(choices) <= set(here.commands), f"{page.name}: {command}"
             here, words = here.commands[choices[0]], rest
         known = options(here) | {"--help", "--install-completion"}
-        asked = {word.split("=")[0] for word in words if re.match(r"--?[a-z]", word)}
-        assert asked <= known, f"{page.name}: {command}: {sorted(asked - known)}"
+        given = {word.split("=")[0] for word in words if re.match(r"--?[a-z]", word)}
+        assert given <= known, f"{page.name}: {command}: {sorted(given - known)}"
         for word in words:
             if word.startswith("examples/"):
                 assert (ROOT / word).exists(), f"{page.name}: {command}"

@@ -43,7 +43,7 @@ def tanteo(command, cache):
     return done.stdout
 
 
-def alike(shown, real):
+def equal_but_rounding(shown, real):
     """Return whether two texts have equal words, and numbers that differ by rounding only."""
     if NUMBER.sub("#", " ".join(shown.split())) != NUMBER.sub("#", " ".join(real.split())):
         return False
@@ -61,7 +61,7 @@ def cache(cache):
 def test_output_is_that_of_the_program(block, cache):
     command, shown = block.split("\n", 1)
     real = tanteo(command.removeprefix("$ "), cache)
-    assert alike(shown, real), f"the page shows\n{shown}\nand the program says\n{real}"
+    assert equal_but_rounding(shown, real), f"the page shows\n{shown}\nand the program says\n{real}"
 
 
 @pytest.mark.parametrize("block", PYTHON)
@@ -139,14 +139,14 @@ def test_constraints_pin_versions_and_name_no_host():
 
 
 def test_the_package_is_typed_and_has_its_presets():
-    files = {file.name for room in ("tanteo", "tanteo.sensors") for file in resources.files(room).iterdir()}
+    files = {file.name for package in ("tanteo", "tanteo.sensors") for file in resources.files(package).iterdir()}
     assert {"py.typed", "sensor_presets.csv", "robot_error_presets.csv", "paper-gripper.toml"} <= files
 
 
 def test_unlike_output_is_noticed():
-    assert alike("at x 1.00 mm", "at  x 1.01 mm")
-    assert not alike("at x 1.00 mm", "at x 1.10 mm")
-    assert not alike("at x 1.00 mm", "at y 1.00 mm")
+    assert equal_but_rounding("at x 1.00 mm", "at  x 1.01 mm")
+    assert not equal_but_rounding("at x 1.00 mm", "at x 1.10 mm")
+    assert not equal_but_rounding("at x 1.00 mm", "at y 1.00 mm")
 
 
 def update():

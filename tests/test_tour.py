@@ -34,7 +34,7 @@ def line_of(name: str, file: str) -> int:
 
 
 @pytest.mark.parametrize(("name", "file", "line"), STOPS)
-def test_a_line_is_where_the_page_says(name, file, line):
+def test_a_line_is_where_the_page_states(name, file, line):
     assert line_of(name, file) == line
 
 

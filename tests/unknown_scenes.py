@@ -44,7 +44,7 @@ class Unknown:
         return float(clearances(self.scene, gripper().body, np.array(self.robot.truth)).min())
 
 
-def unknown_scene(targets, number, rng, *, told=True, cell=None, rest=None) -> Unknown:
+def unknown_scene(targets, number, rng, *, known=True, cell=None, rest=None) -> Unknown:
     """Return one of the targets, in any rotation on the table, its place drawn from the prior.
 
     With ``told`` false nobody knows of the clamp. ``rest`` is how the part lies, a rotation; upright if not given.
@@ -63,14 +63,14 @@ def unknown_scene(targets, number, rng, *, told=True, cell=None, rest=None) -> U
     corners = np.array([x, low[1], 0.0]), np.array([x + 0.04, low[1] + 0.06, rng.uniform(0.03, 0.08)])
     table, clamp = box("table", [-0.5, -0.5, -0.05], [0.5, 0.5, 0.0]), box("clamp", *corners)
     scene = Scene.of([table, clamp, Solid.at("part", part.vertices, part.triangles, T)])
-    boxes = [ForbiddenBox("clamp", *corners)] if told else []
+    boxes = [ForbiddenBox("clamp", *corners)] if known else []
     above = SE3.from_parts(np.diag([1.0, -1.0, -1.0]), [centre[0], centre[1], high[2] + 0.30])
     return Unknown(
         scene,
         T,
         around(targets, T_world_place, spread),
         Rules(clearance=CLEARANCE, workspace=Workspace.above(0.0, boxes)),
-        Furniture(Scene.of([table, clamp] if told else [table]).surface),
+        Furniture(Scene.of([table, clamp] if known else [table]).surface),
         SimulatedHand(scene, gripper(), above, rng=rng, cell=cell or Cell()),
     )
 

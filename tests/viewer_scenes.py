@@ -47,7 +47,7 @@ class Person:
 
     def __init__(self, *wants):
         self.wants, self.player = list(wants), None
-        self.groups, self.words, self.said = {}, {}, []
+        self.groups, self.words, self.messages = {}, {}, []
 
     def show(self, group, primitives):
         self.groups[group] = {p.name: p for p in primitives}
@@ -56,7 +56,7 @@ class Person:
         self.words[place] = html
         if place != "status":
             return
-        self.said.append(html)
+        self.messages.append(html)
         over = self.groups["truth"] and "senses the same scene now" not in html
         if (HELP in html or YOUR_TURN in html or over) and self.player.commands.empty():
             want = self.wants.pop(0)

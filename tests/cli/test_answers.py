@@ -45,14 +45,14 @@ def touch(triangles, rng, per_face=5, skip=()):
 
 @pytest.fixture
 def answer(run, tmp_path, parts, wedge):
-    def ask(seed=0, skip=(), **options):
+    def respond(seed=0, skip=(), **options):
         readings = touch(wedge, np.random.default_rng(seed), skip=skip)
         write_readings(readings, tmp_path / "r.csv")
         extra = [word for name, value in options.items() for word in (f"--{name}", value)]
         result = run("identify", tmp_path / "r.csv", "--parts", parts, "--units", "mm", "--json", *extra)
         return result, json.loads(result.out, parse_constant=pytest.fail)
 
-    return ask
+    return respond
 
 
 def test_a_wedge_is_recognized_where_it_is(answer):
@@ -68,7 +68,7 @@ def test_a_wedge_is_recognized_where_it_is(answer):
     assert best["corner_sd_m"] < 1e-3
 
 
-def test_the_pose_error_is_what_the_covariance_says(answer):
+def test_the_pose_error_follows_the_covariance(answer):
     """NEES over 20 runs within its chi-square interval."""
     total = 0.0
     for seed in range(20):

@@ -50,7 +50,7 @@ def test_a_prior_pose_decides_what_touches_leave_open(locate, tmp_path):
         assert np.linalg.norm(gap[3:]) < 0.02
 
 
-def test_the_answer_says_what_was_taken_as_known(locate):
+def test_the_answer_states_its_prior(locate):
     result = locate("--pose-prior", NEAR, "--table", "20+-1mm", "--box", "200,0,0,400,300,100mm")
     (line,) = [line for line in result.out.splitlines() if line.startswith("  known")]
     assert line.split(maxsplit=1)[1] == (

@@ -20,7 +20,7 @@ def sense(run):
     return lambda *options, scene=SCENE: run("sense", "part", "--scene", str(scene), *PARTS, *options)
 
 
-def test_the_image_says_where_and_the_hand_says_which(sense):
+def test_the_image_gives_the_pose_and_the_hand_the_part(sense):
     """No prior pose: the camera alone sends the hand; few readings are left to make."""
     code, out, err = sense("--image", "render", "--json")
     assert code == 0

@@ -75,7 +75,7 @@ def test_what_is_not_reached_exits_with_three(sense):
     assert "The limit of readings is reached: 1 was allowed" in out
 
 
-def test_what_is_assumed_beforehand_can_be_said(sense, tmp_path):
+def test_the_prior_can_be_stated(sense, tmp_path):
     record = tmp_path / "session.json"
     document = json.loads(
         sense(
@@ -147,7 +147,7 @@ def test_a_scene_without_a_rough_place_needs_one_from_options(run):
     assert run("sense", "part", "--scene", scene, *PARTS, "--prior", str(prior))[0] == 1
 
 
-def test_an_interruption_leaves_the_record_of_what_was_told(sense, run, tmp_path, monkeypatch):
+def test_an_interruption_keeps_the_record_of_the_readings(sense, run, tmp_path, monkeypatch):
     def interrupt(visit, *, verbose):
         if visit.step is not None and visit.step.ids:
             raise KeyboardInterrupt
@@ -169,13 +169,13 @@ def test_the_record_is_there_before_the_end(sense, tmp_path, monkeypatch, suffix
     record = tmp_path / f"session.{suffix}"
     counts = []
 
-    def look(visit, *, verbose):
+    def print_visit(visit, *, verbose):
         if visit.step is not None and visit.step.ids:
             kept = read_readings(record) if suffix == "csv" else read_record(record).readings
             counts.append(len(kept))
         return []
 
-    monkeypatch.setattr("tanteo.render.visit_lines", look)
+    monkeypatch.setattr("tanteo.render.visit_lines", print_visit)
     sense("--max-measurements", "1", "--record", str(record))
     assert counts
     assert counts[0] > 0

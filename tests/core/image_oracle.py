@@ -111,8 +111,8 @@ def meet(s, Ts, shown, reach):
     normals = np.stack([-along[..., 1], along[..., 0]], axis=-1) / scale[..., None]
     point = s.nearest[channel_of(np.nan_to_num(normals)), row, column]
     gap = s.pixels[point] - at
-    off, aside = np.sum(gap * normals, axis=-1), np.abs(gap[..., 0] * normals[..., 1] - gap[..., 1] * normals[..., 0])
-    hits = within & (point >= 0) & (np.abs(off) < reach) & (aside < max(2.0, 0.5 * reach))
+    off, across = np.sum(gap * normals, axis=-1), np.abs(gap[..., 0] * normals[..., 1] - gap[..., 1] * normals[..., 0])
+    hits = within & (point >= 0) & (np.abs(off) < reach) & (across < max(2.0, 0.5 * reach))
     by = np.einsum("bni,bnij->bnj", normals, J)
     jacobian = np.concatenate([by, np.cross(s.points, by)], axis=-1)
     which = np.where(hits, point, -1)
@@ -122,22 +122,22 @@ def meet(s, Ts, shown, reach):
     )  # fmt: skip
 
 
-def normal_equations(met, reach, bias, correlation):
+def normal_equations(hits, reach, bias, correlation):
     """Information and gradient of the offsets under a redescending weight (Tukey 1960)."""
-    sd2 = met.sds**2 + bias**2 + (0.25 * reach) ** 2
-    robust = np.where(met.hits, (1 - (met.offsets / (1.01 * reach)) ** 2) ** 2, 0.0)
-    w = np.where(met.hits, robust * met.spans / correlation / sd2, 0.0)
-    J = np.where(met.hits[..., None], met.jacobian, 0.0)
+    sd2 = hits.sds**2 + bias**2 + (0.25 * reach) ** 2
+    robust = np.where(hits.hits, (1 - (hits.offsets / (1.01 * reach)) ** 2) ** 2, 0.0)
+    w = np.where(hits.hits, robust * hits.spans / correlation / sd2, 0.0)
+    J = np.where(hits.hits[..., None], hits.jacobian, 0.0)
     JW = np.swapaxes(J, -1, -2) * w[..., None, :]
-    return JW @ J, (JW @ met.offsets[..., None])[..., 0]
+    return JW @ J, (JW @ hits.offsets[..., None])[..., 0]
 
 
 def refine(s, Ts, starts, priors, rounds, bias, correlation):
     """Robust Gauss-Newton; the priors are on motions by the diagonal or a radian about the middle."""
     T, scale, shown = Ts, motion_scale(DIAGONAL, MIDDLE), None
     to_unit = np.linalg.inv(scale)
-    for reach, asked in rounds:
-        shown = see(s, T, True)[0] if asked else shown
+    for reach, wanted in rounds:
+        shown = see(s, T, True)[0] if wanted else shown
         A, g = normal_equations(meet(s, T, shown, reach), reach, bias, correlation)
         off = SE3.log(SE3.inverse(starts) @ T) @ to_unit.T
         A = scale.T @ A @ scale + priors

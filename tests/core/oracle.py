@@ -37,7 +37,7 @@ class Cuts:
 
 
 EXACT = Cuts(np.inf, np.inf, 0.0, np.inf)
-GRAZING, CLEARLY, LOOKS_AWAY, BEHIND, IN_FRONT = 0.02, 0.1, 1e-6, 2e-22, 4.0
+GRAZING, CLEARLY, BACK_FACE, BLOCKED, IN_FRONT = 0.02, 0.1, 1e-6, 2e-22, 4.0
 
 
 class Oracle:
@@ -139,14 +139,14 @@ class Oracle:
     def _aimed(self, n, d, side):
         """Undirected points are even over the area, on their side; a beam meets a face by the cosine of incidence."""
         if not d.any():
-            return -np.log(self.area) + (np.log(LOOKS_AWAY) if n @ side < -CLEARLY else 0.0)
-        return np.log(max(-n @ d, GRAZING) if n @ d < 0 else LOOKS_AWAY)
+            return -np.log(self.area) + (np.log(BACK_FACE) if n @ side < -CLEARLY else 0.0)
+        return np.log(max(-n @ d, GRAZING) if n @ d < 0 else BACK_FACE)
 
     def _tilted(self, j, n, m, C, bends):
         """Return the density of a sensed normal: two tilts with the variances of sensor and surface."""
         if not m.any():
             return 0.0
-        log = np.log(BEHIND) if n @ m <= 0 else 0.0
+        log = np.log(BLOCKED) if n @ m <= 0 else 0.0
         for bend, e in bends:
             log += norm.logpdf(e @ m, scale=np.sqrt(self.q.normal_sds[j] ** 2 + bend**2 * (e @ C @ e)))
         return log
@@ -207,7 +207,7 @@ class Oracle:
             if m.any():  # half of the axes are named by their other end
                 tilts = frame @ m
                 log += norm.logpdf(tilts, scale=self.q.normal_sds[j]).sum() + (np.log(0.5) if line else 0.0)
-                log += np.log(BEHIND) if not line and d @ m <= 0 else 0.0
+                log += np.log(BLOCKED) if not line and d @ m <= 0 else 0.0
             hits.append((first - int(number), log))
         return hits
 
@@ -219,7 +219,7 @@ class Oracle:
         free = self.q.free_reach[j] - IN_FRONT * sd - 0.01 * self.body.diagonal
         u = any_across(d)
         v = np.cross(d, u)
-        starts = [p - self.q.free_reach[j] * d + IN_FRONT * sd * aside for aside in (0 * u, u, v, -u, -v)]
+        starts = [p - self.q.free_reach[j] * d + IN_FRONT * sd * sideways for sideways in (0 * u, u, v, -u, -v)]
         return free > 0 and all(cast(self.body, s, d)[0] <= free for s in starts)
 
     def _log_at_rate(self, hits, rate):
@@ -233,13 +233,16 @@ class Oracle:
         return log
 
     def _log_group(self, hits, rows, density, rate):
-        slip, around = rate, self.q.furniture[rows]
+        slip, on_furniture = rate, self.q.furniture[rows]
         by_area = any(self.q.kinds[j] == 0 and not self.q.directions[j].any() for j in rows)
-        logs = [np.log(slip / (1 - slip)) + self.q.elsewhere, np.log((1 - rate) * slip * density + rate + around).sum()]
+        logs = [
+            np.log(slip / (1 - slip)) + self.q.elsewhere,
+            np.log((1 - rate) * slip * density + rate + on_furniture).sum(),
+        ]
         for face in {face for h in hits for face, _ in h}:
             portion = self._portion(face)
             log = np.log(portion) if face < 0 or by_area else 0.0
-            for j, h, d, there in zip(rows, hits, density, around, strict=True):
+            for j, h, d, there in zip(rows, hits, density, on_furniture, strict=True):
                 share = portion if face < 0 or (self.q.kinds[j] == 0 and not self.q.directions[j].any()) else 1.0
                 on = sum(w for f, w in h if f == face) / share
                 log += np.log((1 - rate) * ((1 - slip) * on + slip * d) + rate + there)
@@ -265,8 +268,8 @@ class Oracle:
             v = np.cross(d, u)
             passed = float(self._passes(o, d, end, least_cosine))
             if not passed and slope > 0:
-                for aside in (u, v, -u, -v):
-                    e = d + 2 * slope * aside
+                for sideways in (u, v, -u, -v):
+                    e = d + 2 * slope * sideways
                     passed += 0.125 * self._passes(o, e / np.linalg.norm(e), end, least_cosine)
             log += np.log(rate + (1 - 2 * rate) * passed)
         return log

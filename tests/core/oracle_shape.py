@@ -26,7 +26,7 @@ class Profile:
     slope: float
     radius: float
     sign: float
-    alike: float
+    least_cosine: float
 
     def distance(self, p):
         """Signed distance, its gradient, and both curvatures with their directions."""
@@ -97,7 +97,7 @@ def tangent_plane(flat, p):
         corners = flat.outline.reshape(-1, 2)
         shift = (np.clip(x, corners.min(axis=0), corners.max(axis=0)) - x) @ frame
         distance, n, bends = flat.profile.distance(p + shift)
-        if n @ flat.normal >= flat.profile.alike:
+        if n @ flat.normal >= flat.profile.least_cosine:
             return n, distance - n @ shift, bends
     return flat.normal, flat.normal @ (p - flat.origin), None
 

@@ -121,10 +121,10 @@ def touched(body, T, n, sd, rng, *, edgy=0.4, outliers=0.1):
     world = (p + sd * rng.normal(size=p.shape)) @ T[:3, :3].T + T[:3, 3]
     lost = rng.uniform(size=n) < outliers
     world[lost] += 0.02 * rng.normal(size=(lost.sum(), 3))
-    return asked(world, sd), normals @ T[:3, :3].T
+    return point_question(world, sd), normals @ T[:3, :3].T
 
 
-def asked(points, sd, *, rate=0.02):
+def point_question(points, sd, *, rate=0.02):
     """Return a question about points alone, with isotropic noise."""
     n = len(points)
     rates, weights = outlier_rates(rate, n)

@@ -11,11 +11,11 @@ from core.bodies import flat_bodies, round_bodies, tent
 from core.oracle import Oracle
 from core.questions import (
     anisotropic,
-    asked,
     directed,
     furnished,
     near_pose,
     oriented,
+    point_question,
     random_pose,
     sided,
     touched,
@@ -179,7 +179,7 @@ def test_balls_about_vertices_agree_with_the_oracle(name, opened, make):
     out = rng.normal(size=(20, 3))
     out /= np.linalg.norm(out, axis=1)[:, None]
     centres = body.vertices[rng.integers(len(body.vertices), size=20)] + radius * out + sd * rng.normal(size=(20, 3))
-    q = asked(centres @ T[:3, :3].T + T[:3, 3], sd)
+    q = point_question(centres @ T[:3, :3].T + T[:3, 3], sd)
     q = make(replace(q, radii=np.full(20, radius)), out @ T[:3, :3].T, rng)
     agree(body, q, T[None], np.zeros((1, 0)))
 

@@ -96,20 +96,20 @@ def error_by_plain_draws(mode, T, rng, draws=3000, freedom=5):
 
 
 @pytest.mark.parametrize(("scenes", "n"), [(40, 30), pytest.param(600, 30, marks=SLOW)])
-def test_errors_are_as_large_as_told(parts, scenes, n):
+def test_errors_follow_the_stated_covariance(parts, scenes, n):
     """By the likelihood itself, exactly; by the covariance of the answer, which may be a little too small.
 
     The truth may be in another mode, as improbable as that is: there an error counts as the largest of a thousand.
     """
-    told, plain = [], []
+    stated, plain = [], []
     for k in range(scenes):
         rng = np.random.default_rng((2, n, k))
         T, points = drawn(parts[k % len(parts)], n, rng, 0.02)
         mode = posterior(parts[k % len(parts)], points, rng, 0.02).modes[0]
         assert mode.probability > 0.5
-        told.append(squared_error(mode, T))
+        stated.append(squared_error(mode, T))
         plain.append(error_by_plain_draws(mode, T, rng))
     low, high = chi2.ppf([5e-4, 1 - 5e-4], 6 * scenes)
-    told, plain = np.minimum([told, plain], chi2.ppf(0.999, 6))
+    stated, plain = np.minimum([stated, plain], chi2.ppf(0.999, 6))
     assert low < plain.sum() < high
-    assert low < told.sum() < 1.15 * high
+    assert low < stated.sum() < 1.15 * high

@@ -89,8 +89,8 @@ def test_shared_errors_move_points_with_the_feature():
         c, across = 1e-6 * rng.normal(size=2), [i for i in feature.kind.rows if i < 3]
         p = SE3.apply(SE3.inverse(feature.T_world_feature), points.points)
         moved = SE3.apply(SE3.exp(feature.kind.B.T @ (gain @ c)), p) - p
-        told = points.shared_jacobian @ (c / [2.0, 3.0]) @ feature.T_world_feature[:3, :3]
-        np.testing.assert_allclose(told[:, across], moved[:, across], rtol=1e-3, atol=1e-10)
+        stated = points.shared_jacobian @ (c / [2.0, 3.0]) @ feature.T_world_feature[:3, :3]
+        np.testing.assert_allclose(stated[:, across], moved[:, across], rtol=1e-3, atol=1e-10)
 
 
 def test_a_plane_of_unknown_side_has_no_side():
@@ -102,7 +102,7 @@ def test_a_plane_of_unknown_side_has_no_side():
         as_labelled_points([(bare, replace(other, support=np.zeros((0, 3))))])
 
 
-def test_a_plane_that_a_ball_touched_is_told_by_its_centres():
+def test_a_plane_touched_by_a_ball_is_given_by_its_centres():
     feature = replace(fitted_plane(np.random.default_rng(6)), tip_radius=3e-3)
     at, points = as_labelled_points([replace(feature, tip_radius=0.0)]), as_labelled_points([feature])
     assert points.radii == pytest.approx(3e-3)
@@ -115,7 +115,7 @@ def test_points_in_a_line_or_in_one_place_are_a_normal():
         assert as_labelled_points([replace(feature, support=support)]).oriented.tolist() == [True]
 
 
-def test_names_are_told_apart_and_misuse_is_refused():
+def test_names_are_distinguished_and_misuse_is_refused():
     feature = fitted_plane(np.random.default_rng(4))
     points = as_labelled_points([feature, replace(feature, label=""), feature])
     assert list(dict.fromkeys(points.ids)) == ["face", "feature 2", "face (3)"]

@@ -127,19 +127,19 @@ def test_one_wrong_reading_of_eighty_is_named():
 
 def test_covariance_covers_what_a_plane_leaves_of_a_curved_face():
     """A cylinder of one metre, sensed over 90 mm: no reading of it is wrong."""
-    rng, off, said = np.random.default_rng(2), [], 0
+    rng, off, reported = np.random.default_rng(2), [], 0
     for _ in range(60):
         xy = rng.uniform(-0.045, 0.045, (12, 2))
         found = labelled(np.column_stack([xy, -(xy[:, 0] ** 2) / 2.0 + SD * rng.normal(size=12)]))
         bent = [note for note in found.notes if "on a curved surface" in note]
         if bent:
             assert "label of its own" in bent[0]
-            said += not found.rejected
+            reported += not found.rejected
             plane = found.features[0]
             x, y, z = plane.T_world_feature[2, :3]  # of the tangent at the middle, in the plane
             error = np.array([-y / z, x / z])
             off.append(error @ np.linalg.solve(plane.P[1:, 1:], error) / 2)
-    assert said >= 55
+    assert reported >= 55
     assert np.mean(off) < 1.5
 
 
@@ -155,7 +155,7 @@ def test_a_wrong_reading_is_no_bend(n, least):
     assert named >= least
 
 
-def test_a_plane_is_rarely_said_to_bend():
+def test_a_plane_is_rarely_reported_as_bent():
     rng, notes = np.random.default_rng(3), 0
     for _ in range(300):
         points = np.column_stack([rng.uniform(-0.05, 0.05, (9, 2)), SD * rng.normal(size=9)])

@@ -45,7 +45,7 @@ def off(kind, make, known, seed, trials=TRIALS):
 
 
 @pytest.mark.parametrize("kind", ["circle", "cylinder", "cone", "sphere"])
-def test_a_tip_that_turns_with_the_hand_is_told_from_the_feature(kind):
+def test_a_rotating_tip_is_separated_from_the_feature(kind):
     """The offset would move single points by ten micrometres; its like is found out of sixteen of them."""
     e, C = off(kind, turned_tip, False, 1)
     total, dim = nees(e, C).sum(), e.shape[1]

@@ -64,7 +64,7 @@ class Worker:
         self.job, self.since = job, time.monotonic()
         self.pipe.send(job[1:])
 
-    def ask(self, kind, path):
+    def measure_memory(self, kind, path):
         """Measure the memory that a whole file needs."""
         self.pipe.send((kind, path.name, path.read_bytes()))
         word, trace, memory, _ = self.pipe.recv()
@@ -94,7 +94,7 @@ def begun(folder, files, kinds):
     worker = Worker(folder)
     for kind in kinds:
         for path in files[kind]:
-            worker.ask(kind, path)
+            worker.measure_memory(kind, path)
     return worker
 
 
@@ -117,9 +117,9 @@ def run(count, seed, kinds, workers=2):
                         continue
                     kind = kind_of(k, seed, kinds)
                     worker.give((k, kind, *spoiled(k, seed, kind, files)))
-                elif (said := worker.result()) is not None:
+                elif (outcome := worker.result()) is not None:
                     k, kind, name, content = worker.job
-                    word, trace, seconds = said
+                    word, trace, seconds = outcome
                     table[kind][word] += 1
                     slowest[kind] = max(slowest[kind], seconds)
                     worker.job = None

@@ -21,7 +21,7 @@ from tanteo.errors import InputError, PartError
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def read_aside(path, workers=1):
+def read_in_process(path, workers=1):
     """Read a file in another process; a file that cannot be read is a failure, not an exception."""
     for failure in read_parts([path], unit="mm", cache=False, workers=workers).failures:
         raise PartError(failure.reason)
@@ -29,7 +29,7 @@ def read_aside(path, workers=1):
 
 def read_mesh(path):
     """Read a small mesh in this process."""
-    read_aside(path, workers=0)
+    read_in_process(path, workers=0)
 
 
 def read_entry(path):
@@ -69,8 +69,8 @@ def read_log(path):
 
 def answer(path):
     """Run the command line on readings; it prints one document or one error, and returns an exit code."""
-    said, out = io.StringIO(), io.StringIO()
-    with redirect_stdout(out), redirect_stderr(said):
+    error_stream, out = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(error_stream):
         try:
             main(
                 [
@@ -86,7 +86,7 @@ def answer(path):
         except SystemExit as ended:
             code = ended.code or 0
     if code == 1:
-        raise InputError(said.getvalue() if not out.getvalue() else "")
+        raise InputError(error_stream.getvalue() if not out.getvalue() else "")
     assert code in (0, 3), code
     assert json.loads(out.getvalue())["schema"] == "tanteo.recognition/1"
 
@@ -95,7 +95,7 @@ READERS = {
     "readings": tanteo.read_readings,
     "log": read_log, "rig": tanteo.read_rig, "scene": tanteo.io.read_scene,
     "prior": tanteo.io.read_prior, "record": tanteo.io.read_record, "camera": tanteo.read_camera,
-    "marks": tanteo.io.read_marks, "image": tanteo.read_image, "mesh": read_mesh, "step": read_aside,
+    "marks": tanteo.io.read_marks, "image": tanteo.read_image, "mesh": read_mesh, "step": read_in_process,
     "cache": read_entry, "catalogue": read_catalogue,
     "answer": answer,
 }  # fmt: skip

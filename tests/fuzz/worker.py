@@ -44,5 +44,5 @@ def serve(pipe, folder):
             (path.parent / "seeds").symlink_to(folder)
         path.write_bytes(content)
         start = time.monotonic()
-        said = outcome(READERS[kind], path)
-        pipe.send((*said, peak(), time.monotonic() - start))
+        ended = outcome(READERS[kind], path)
+        pipe.send((*ended, peak(), time.monotonic() - start))

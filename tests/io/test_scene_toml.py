@@ -127,7 +127,7 @@ def test_the_least_there_must_be(tmp_path):
         (("[table]", "table ="), "expected TOML"),
     ],
 )
-def test_what_a_scene_cannot_say(tmp_path, change, message):
+def test_invalid_scenes_are_refused(tmp_path, change, message):
     assert change[0] in WHOLE
     with pytest.raises(TanteoError, match=message):
         read(tmp_path, WHOLE.replace(*change, 1))

@@ -57,7 +57,7 @@ def test_linuxcnc_touches_with_offsets_in_its_own_unit(metric):
         assert machine.sense(DOWN, 0.02, 0.01, 5.0).distance == pytest.approx(0.009, abs=3e-6)
 
 
-def test_a_message_that_another_display_took_is_asked_for_again():
+def test_a_message_taken_by_another_display_is_requested_again():
     with linuxcnc(thief=2) as (machine, _):
         machine.move(at(10, 5, 30), 0.1, 5.0)
         assert np.allclose(machine.status().place, [0.01, 0.005, 0.03], atol=2e-6)
@@ -84,7 +84,7 @@ def test_a_turned_frame_in_use_moves_no_goal():
         assert machine.sense(DOWN, 0.02, 0.01, 5.0).distance == pytest.approx(0.009, abs=3e-6)
 
 
-def test_a_wrong_password_is_said():
+def test_a_wrong_password_is_reported():
     fake = LinuxCncFake(world(), START)
     try:
         for passwords, words in ((("no", "EMCTOO"), "connect password"), (("EMC", "no"), "enable password")):

@@ -56,7 +56,7 @@ def undisturbed(block):
     return pose(ended(block, SHORT)[1])
 
 
-def test_a_session_ends_as_it_was_asked_to(block):
+def test_a_session_ends_by_its_stop_rule(block):
     done, one = ended(block, WHOLE)
     assert done.end.reached
     assert one.answer().status == "recognized"
@@ -135,11 +135,11 @@ def test_power_lost_between_touch_and_record(block, undisturbed, tmp_path, monke
     class PowerLost(BaseException):
         pass
 
-    def tell(readings, action=None):
+    def record_then_raise(readings, action=None):
         raise PowerLost
 
     with driver("fake:grbl", there, ABOVE) as machine:
-        monkeypatch.setattr(type(one), "tell", lambda self, readings, action=None: tell(readings, action))
+        monkeypatch.setattr(type(one), "tell", lambda self, readings, action=None: record_then_raise(readings, action))
         with pytest.raises(PowerLost):
             probe_part(one, SafeMachine(machine, LIMITS), record)
     monkeypatch.undo()
@@ -225,7 +225,7 @@ def test_a_log_answers_as_the_machine_did(block, undisturbed, tmp_path):
     assert np.allclose(pose(again), undisturbed, atol=1e-7)
 
 
-def test_a_log_answers_whatever_is_asked(block, tmp_path):
+def test_a_log_answers_every_request(block, tmp_path):
     """The touches of one session answer another, which asks elsewhere: the same part, placed as well."""
     record, one = tmp_path / "run.json", session(block, most=WHOLE)
     with driver("fake:direct", world_of(block), ABOVE) as machine:

@@ -183,12 +183,12 @@ def test_real_meshes_have_the_features_one_counts_by_hand(file, unit, planes, ed
 
 @pytest.mark.skipif(not DATA.exists(), reason=f"no shared data at {DATA}")
 @pytest.mark.parametrize(
-    ("name", "closed", "said"), [("legoBox", True, "Split 8"), ("seashell", False, "it ends at 148")]
+    ("name", "closed", "stated"), [("legoBox", True, "Split 8"), ("seashell", False, "it ends at 148")]
 )
-def test_real_meshes_with_gaps_are_closed_or_open(name, closed, said):
+def test_real_meshes_with_gaps_are_closed_or_open(name, closed, stated):
     part = read_part(DATA / "fingertip_touches" / "models" / f"{name}.off", unit="m")
     assert part.closed == closed
-    assert any(said in sentence for sentence in part.repairs)
+    assert any(stated in sentence for sentence in part.repairs)
 
 
 @pytest.mark.skipif(not DATA.exists(), reason=f"no shared data at {DATA}")

@@ -61,7 +61,7 @@ def test_broken_obj_files_are_refused_in_a_sentence(tmp_path, text, message):
         read(tmp_path, text)
 
 
-def test_a_polygon_that_no_corner_sees_whole_is_filled(tmp_path):
+def test_a_polygon_without_a_star_corner_is_filled(tmp_path):
     # a square ring, as one polygon with a slit
     ring = [(0, 0), (60, 0), (60, 60), (0, 60), (0, 50), (50, 50), (50, 10), (10, 10), (10, 45), (0, 45)]
     bottom = [f"v {x} {y} 0" for x, y in ring]

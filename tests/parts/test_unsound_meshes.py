@@ -80,7 +80,7 @@ def test_a_vertex_on_a_neighbours_side_opens_no_gap(solids, read_mesh):
     assert part.repairs == ("Split 1 triangles at corners of others that lie on their sides; no point moved.",)
 
 
-def test_a_pinhole_is_filled_and_its_width_said(solids, read_mesh):
+def test_a_pinhole_is_filled_and_its_width_reported(solids, read_mesh):
     vertices, triangles = solids.sphere(30, 160)
     part = read_mesh(vertices, triangles[1:])
     assert part.closed
@@ -142,5 +142,5 @@ def test_an_open_box_is_located(solids, read_mesh, tmp_path):
     answer = tanteo.locate(tanteo.read_readings(tmp_path / "touches.csv"), part, sd=1e-4)
     assert answer.status in ("recognized", "ambiguous")
     assert part.symmetry.order == 2
-    alike = [T @ turn for turn in part.symmetry.Ts]
-    assert min(np.abs(answer.hypotheses[0].T_world_part - pose).max() for pose in alike) < 5e-3
+    symmetric = [T @ turn for turn in part.symmetry.Ts]
+    assert min(np.abs(answer.hypotheses[0].T_world_part - pose).max() for pose in symmetric) < 5e-3

@@ -27,7 +27,7 @@ def touched(target, seed, n=8):
     return start, T, touches_of(SE3.apply(T, p) + SD * rng.normal(size=p.shape), SD)
 
 
-def test_exact_touches_that_are_told_at_once_place_the_part():
+def test_exact_touches_given_at_once_place_the_part():
     """Proposals that end at the grid's error see all readings as outliers: millimetres off, and sure."""
     target, right, within = prepare(read_part(PARTS / "bracket_left.step")), 0, 0
     for seed in range(15):
@@ -40,7 +40,7 @@ def test_exact_touches_that_are_told_at_once_place_the_part():
 
 
 @pytest.mark.parametrize("seed", [2, *(pytest.param(k, marks=pytest.mark.slow) for k in (3, 6))])
-def test_the_order_in_which_they_are_told_does_not_matter(seed):
+def test_the_order_of_readings_does_not_matter(seed):
     """Told one by one, backwards, and at once: one pose, within what is known of it."""
     target = prepare(read_part(PARTS / "bracket_left.step"))
     start, _, touches = touched(target, seed, 10)

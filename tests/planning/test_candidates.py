@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER, STYLUS, met_by_beams, rough
+from sensing_scenes import LASER, STYLUS, beam_hits, rough
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.hand import ForbiddenBox, Workspace
@@ -140,7 +140,7 @@ def test_starts_keep_clear_of_the_part_wherever_it_may_be():
     assert not len(propose(begin(rough([block], (0.03, 0.15))), replace(TOUCH, clearance=0.01), 300))
 
 
-def test_room_is_kept_from_every_mode_probable_none_of_these_is():
+def test_clearance_holds_for_every_mode_if_unknown_is_probable():
     target, C = prepare(read_part(PARTS / "block.step")), np.diag(np.repeat([0.012, 0.12], 3) ** 2)
     states = [begin(at_pose(target, np.eye(4), C, Priors(unknown=u))) for u in (0.05, 0.9999)]
     first, second = (propose(state, TOUCH, 200) for state in states)
@@ -155,7 +155,7 @@ def test_readings_nearer_than_the_least_range_are_improbable():
     Ts = SE3.exp(rng.normal(size=(1000, 6)) @ np.linalg.cholesky(C).T)
     for least in (0.065, 0.0):
         c = propose(state, replace(LASER, min_range=least), 300)
-        share.append(np.mean(met_by_beams(target, Ts, c.origins, c.directions)[0] < 0.065))
+        share.append(np.mean(beam_hits(target, Ts, c.origins, c.directions)[0] < 0.065))
         assert len(c) > 30
     assert share[0] < 0.015
     assert share[1] > 2 * share[0]
@@ -191,7 +191,7 @@ def test_a_stylus_touches_the_wall_of_a_bore_from_its_axis(spacer):
 
 
 @pytest.mark.parametrize("change", [{"stylus": None, "stylus_behind": True}, {"clearance": 0.0181}])
-def test_no_bore_is_entered_sideways_or_without_room(spacer, change):
+def test_no_bore_is_entered_sideways_or_without_clearance(spacer, change):
     c, part = propose(spacer, replace(STYLUS, standoff=0.05, **change), 400), spacer.target(0).part
     assert len(c)
     assert not any(part.faces[f].surface == "cylinder" for f in c.face)

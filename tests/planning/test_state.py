@@ -154,7 +154,7 @@ def two_places(target):
     return Start((target,), np.zeros(2, dtype=np.int64), Ts, C, np.array([0.9, 0.1]), Priors(noise_factor=1.0))
 
 
-def test_prior_poses_keep_their_odds_while_readings_say_nothing(targets):
+def test_prior_poses_keep_their_odds_without_information(targets):
     start = two_places(targets[2])
     some = readings(targets[2], np.eye(4), 3, np.random.default_rng(0))
     blank = altered(some, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
@@ -247,7 +247,7 @@ def test_free_beams_alone_leave_start_where_they_did_not_pass(targets):
 
 
 @pytest.mark.parametrize("bias", [-1.5, 0.5, 2.0])
-def test_a_shared_error_may_explain_what_looks_aoutliers(targets, bias):
+def test_a_shared_error_may_explain_apparent_outliers(targets, bias):
     """A place known sharply, a reading of 0.1 mm off by a bias of 3 mm sd: odds by drawing pose and bias alike."""
     start, rng, n = (
         rough(targets[2:], (2e-4, 2e-3), Priors(noise_factor=1.0, unknown=0.5)),
@@ -286,7 +286,7 @@ def test_a_discarded_part_is_searched_again_before_certainty(targets):
         assert odds[0] > 0.1
 
 
-def test_parts_without_a_prior_pose_are_never_looked_for(targets):
+def test_parts_without_a_prior_pose_are_never_searched(targets):
     """An image leaves some parts out: when the others are looked at again, these are not."""
     start = replace(rough(targets), part=np.array([2, 2, 2]))
     touches = readings(targets[2], start.Ts[2], 5, np.random.default_rng(9))

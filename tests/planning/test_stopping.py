@@ -118,13 +118,13 @@ def test_what_little_is_left_is_worth_as_many_readings():
     assert not Stop(0.99).settles(replace(state, unknown=0.5), 0.01, 10)
 
 
-def test_a_part_is_nowhere_near_where_another_is_said_to_be():
+def test_a_part_is_not_near_the_stated_pose_of_another():
     target = prepare(read_part(PARTS / "wedge.step"))
     twins = replace(begin(around([target, target], np.eye(4), 1e-6 * np.eye(6))), unknown=0.1)
     assert chance_within(twins, 0.1) == pytest.approx(0.45)
 
 
-def test_where_the_posterior_is_not_normal_draws_say_how_near():
+def test_where_the_posterior_is_not_normal_draws_decide():
     """All samples are put on the best pose: what is not normal is there then, however wide its covariance."""
     target, rng = prepare(read_part(PARTS / "wedge.step")), np.random.default_rng(2)
     start = rough([target], (0.01, 0.08))

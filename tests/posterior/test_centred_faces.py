@@ -114,7 +114,7 @@ def test_two_countersinks_and_a_face_locate_a_plate(plates, tmp_path, k, of_mesh
     assert nearest(answer.hypotheses[0]) < 5e-5
 
 
-def test_a_fitted_cone_tells_its_axis_better_than_its_apex(plates):
+def test_a_fitted_cone_has_a_better_axis_than_apex(plates):
     """The apex is below the touches: to the sides it is known to 26 um, where it was touched to six."""
     rng, found = np.random.default_rng(3), []
     turn, z = np.arange(12) * np.pi / 6, np.array([8.5, 9.8, 11.2])[np.arange(12) % 3]

@@ -51,7 +51,7 @@ def distances(target, points):
 
 
 @pytest.mark.slow
-def test_a_ball_tip_with_sensed_normals_places_it_like_it_says(flange):
+def test_a_ball_tip_with_sensed_normals_follows_its_covariance(flange):
     """A tip of 3 mm in bores of 7 mm: its centre and the normal are two readings, not one moved by the other."""
     values, r, sd, tilt = [], 3e-3, 1e-4, 0.05
     for k in range(25):

@@ -49,7 +49,7 @@ def test_two_holes_and_a_face_locate_a_plate(plate):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_twins_are_told_by_their_pattern(plate, twin, seed):
+def test_the_pattern_distinguishes_twins(plate, twin, seed):
     answer = identify(sensed(FIRST, seed=seed), [plate, twin])
     assert answer.status == "recognized"
     assert right(answer, plate)
@@ -109,7 +109,7 @@ def test_an_axis_may_be_named_by_either_end(plate, sign):
     assert right(answer, plate)
 
 
-def test_a_pattern_that_looks_alike_is_ambiguous(folder):
+def test_a_symmetric_pattern_is_ambiguous(folder):
     """Holes at the corners of a rectangle, of a plate that looks alike from below but for a hub."""
     corners = [(x, y, 4) for x in (-40, 40) for y in (-25, 25)]
     part = as_part(drilled(corners, hub=(20, 0, 9)), folder / "even.step")

@@ -76,7 +76,7 @@ def test_a_prior_that_three_points_cannot_contradict_is_blamed(bracket):
     assert not any("the readings contradict it" in message for message in refused), refused
 
 
-def test_a_copy_in_another_frame_is_said_to_fit_alike(bracket, tmp_path):
+def test_a_copy_in_another_frame_fits_equally(bracket, tmp_path):
     """No face tells a part from its copy, wherever the origin of its file is."""
     mesh = trimesh.Trimesh(1e3 * bracket.part.vertices, bracket.part.triangles, process=False)
     mesh.apply_transform(trimesh.transformations.rotation_matrix(1, (0, 0, 1)))

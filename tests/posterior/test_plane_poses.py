@@ -84,13 +84,13 @@ def test_a_ball_is_beside_the_faces(models_of_faces):
     assert off > right
 
 
-def test_what_is_no_plane_says_nothing(models_of_faces):
+def test_points_off_any_plane_have_no_vote(models_of_faces):
     """Two points, points in a line, points of a ball, a label of an edge; and planes that leave a motion free."""
     target, rng = models_of_faces["block"], np.random.default_rng(3)
     line = np.linspace(0, 0.05, 5)[:, None] * np.array([1.0, 0, 0])
-    around = 0.02 * rng.normal(size=(8, 3))
-    around /= np.linalg.norm(around, axis=1, keepdims=True) / 0.02
-    for points, kind in ((line[:2], "point"), (line, "point"), (around, "point"), (rng.uniform(size=(4, 3)), "edge")):
+    offsets = 0.02 * rng.normal(size=(8, 3))
+    offsets /= np.linalg.norm(offsets, axis=1, keepdims=True) / 0.02
+    for points, kind in ((line[:2], "point"), (line, "point"), (offsets, "point"), (rng.uniform(size=(4, 3)), "edge")):
         touches = replace(touches_of(points, SD), labels=("a",) * len(points), kinds=(kind,) * len(points))
         assert len(planes_of(touches, target).rows) == 0
     opposite = np.flatnonzero(np.abs(target.part.planes.normals @ target.part.planes.normals[0]) > 0.99)[:2]
@@ -100,7 +100,7 @@ def test_what_is_no_plane_says_nothing(models_of_faces):
     assert len(poses(touches, target)) == 0
 
 
-def test_labels_tell_more_than_the_same_readings_without(models_of_faces):
+def test_labels_inform_more_than_unlabelled_readings(models_of_faces):
     """Four points on each of three faces, among five parts: the truth is at least as probable with labels."""
     parts = list(models_of_faces.values())
     right, claimed, truth, unknown = np.zeros((4, 2))

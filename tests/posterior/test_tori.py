@@ -67,7 +67,7 @@ def test_a_part_has_its_tori_as_landmarks(plates):
 
 
 @pytest.mark.parametrize("which", range(3))
-def test_the_radius_of_a_tube_tells_the_part(plates, which):
+def test_the_radius_of_a_tube_decides_the_part(plates, which):
     rng = np.random.default_rng(which)
     rings = (*RINGS[:2], (20, 45, 8, 2.5)) if which == 1 else RINGS
     T = random_pose(rng)

@@ -141,7 +141,7 @@ def test_the_frame_of_the_cloud_is_turned_against_the_drawing(data, block, dimpl
     assert moved.max() > 0.3e-3
 
 
-def test_without_the_tolerance_the_scatter_is_said(data, parts, block):
+def test_without_the_tolerance_the_scatter_is_reported(data, parts, block):
     """The made block is off its drawing by more than the touches' noise: that is found, and the covariance widened."""
     noise, made = (identify(readings(touches(data, 0)), [block], sd=SD, tolerance=t) for t in (0.0, TOLERANCE))
     assert noise.best.part == made.best.part == block.name

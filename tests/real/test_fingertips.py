@@ -157,7 +157,7 @@ def test_which_of_these(targets, name, part):
 
 
 @pytest.mark.slow
-def test_the_robot_set_belongs_to_another_mesh_and_not_accepted(targets):
+def test_the_robot_set_fits_another_mesh_and_is_rejected(targets):
     """Not at the pose of the file, not 113 mm lower, not anywhere: no pose has the points on the mesh within 1 mm."""
     points, answer = located(targets, "measRobot_sim", "robot", 1e-3)
     lower = np.eye(4)

@@ -70,7 +70,7 @@ def test_the_share_of_the_tip_in_the_worst_corner(target, name):
     assert 0.4 < np.sqrt(total**2 - without**2) / total < 0.9  # samples tell the novice's 0.58 to about 0.1
 
 
-def test_it_says_that_the_tip_and_not_the_touches_limits_expert(located):
+def test_the_tip_and_not_the_touches_limits_the_expert_set(located):
     """Of the expert's variance at the corner the tip is more than half; of the novice's, two fifths."""
     assert "Most of the uncertainty is offset of the tip" in located["expert", True].message
     assert "Part of the uncertainty is offset of the tip" in located["novice", True].message

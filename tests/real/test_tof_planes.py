@@ -67,7 +67,7 @@ def test_saturated_readings_of_the_6180_are_found_and_named(each, together):
     assert not each["6180", "W2"].outliers
 
 
-def test_few_other_readings_are_set_aside(each):
+def test_few_other_readings_are_excluded(each):
     for (sensor, surface), found in each.items():
         if (sensor, surface) != ("6180", "W1"):
             assert len(found.outliers) <= 2

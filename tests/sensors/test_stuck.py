@@ -29,6 +29,6 @@ def test_repeats_with_other_sensors_between_are_no_run():
     assert find_stuck(ranges([0.10342, 0.3] * 5)) is None
 
 
-def test_what_has_no_range_is_not_asked_about():
+def test_readings_without_a_range_raise_no_question():
     assert find_stuck(Readings.from_columns(np.zeros((9, 3)))) is None
     assert find_stuck(ranges([0.1] * 0)) is None

@@ -71,7 +71,7 @@ def test_the_derivatives_are_derivatives():
 
 
 @pytest.mark.parametrize("bias", [0.0, 0.2])
-def test_the_covariance_is_honest(bias):
+def test_the_covariance_is_calibrated(bias):
     rng, runs = np.random.default_rng(4), 500
     outline = dense(L_SHAPE)
     normals, sds = normals_of(outline), rng.uniform(0.05, 0.3, len(outline))

@@ -135,7 +135,7 @@ def test_short_arcs_are_refused_with_the_reason():
 
 
 @pytest.mark.parametrize(("tilts", "degrees"), [((0, 0.15), 360), ((0.2, 1.2), 360), ((0.3, 0.8), 150)])
-def test_circles_and_rays_are_as_far_off_as_is_said(tilts, degrees):
+def test_circles_and_rays_follow_their_stated_errors(tilts, degrees):
     rng, circles, rays = np.random.default_rng((2, degrees, int(100 * tilts[1]))), [], []
     for _ in range(60):
         turn, tilt = rng.uniform(0, 2 * np.pi), rng.uniform(*tilts)

@@ -89,7 +89,7 @@ def test_what_lens_and_calibration_add_is_in_the_covariances():
     np.testing.assert_allclose(ours.P, same.P, rtol=1e-12)
 
 
-def test_edges_of_an_image_give_a_pose_with_an_honest_covariance():
+def test_image_edges_give_a_pose_with_calibrated_covariance():
     rng, runs, nees, fits = np.random.default_rng(2), 120, [], []
     pixels, truth = project(CAMERA, SE3.apply(T_CAMERA_PART, VERTICES)), T_WORLD_CAMERA @ T_CAMERA_PART
     for _ in range(runs):

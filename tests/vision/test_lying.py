@@ -54,7 +54,7 @@ def factor_of(model, camera, image, edges):
     return region, image_of_region(camera, edges, region, Weights()), lying
 
 
-def test_a_pose_that_is_one_of_two_is_told_with_both(scene):
+def test_a_pose_that_is_one_of_two_is_reported_with_both(scene):
     """Every edge across one direction has a copy: the part may as well lie there, and nothing tells which."""
     model, camera, image, points, T, T_camera_table = scene
     length = pixel_length(camera, T, model.part.centroid)
@@ -100,7 +100,7 @@ def test_starts_beside_are_so_many_pixels_off_on_the_table(scene):
     np.testing.assert_allclose(lengths, np.r_[0.0, np.full(8, 1.5)], atol=1e-9)
 
 
-def test_the_prior_holds_a_refinement_to_where_it_is_told(scene):
+def test_the_prior_keeps_a_refinement_at_its_stated_pose(scene):
     model, camera, _, points, T, _ = scene
     nothing = map_edges(points, np.zeros(len(points), dtype=bool))
     moved = T @ SE3.exp(np.r_[1e-3, 0, 0, 0, 0, 0.01])

@@ -76,7 +76,7 @@ def test_a_block_shows_nine_edges_and_six_of_them_are_rims(tmp_path):
         assert (len(np.unique(frame.groups)), len(shown), len(rims)) == (12, 9, 6)
 
 
-def test_a_step_hides_what_is_behind_it(tmp_path):
+def test_a_step_hides_the_points_that_it_covers(tmp_path):
     part = read_part(Path(__file__).parents[2] / "examples" / "parts" / "housing.step")
     frame = wireframe(part)
     T = SE3.from_parts(SO3.exp(np.array([2.0, 0.4, 0.2])), np.array([0.0, 0.0, 0.6]))

@@ -64,7 +64,7 @@ def whole(shots):
                 yield row, shot, outline
 
 
-def test_the_part_of_an_image_is_looked_for(catalogue, shots, many):
+def test_the_part_of_an_image_is_searched(catalogue, shots, many):
     left, seen = [], 0
     for row, _, outline in whole(shots):
         chosen = narrowed(outline, catalogue)
@@ -85,7 +85,7 @@ def test_an_image_is_answered_of_a_catalogue(catalogue, shots, many):
     assert shares + seen.answer.unknown_probability <= 1 + 1e-9
 
 
-def test_what_was_not_looked_for_is_said(catalogue, shots, many, monkeypatch):
+def test_unsearched_parts_are_reported(catalogue, shots, many, monkeypatch):
     """Where all that look alike do not find room, they are as probable as those that did."""
     monkeypatch.setattr(outlines, "DEFAULTS", outlines.DEFAULTS.changed("pruning.least", 1))
     monkeypatch.setattr("tanteo.posterior.answers.seen_outline._TOGETHER", 1e4)  # any outline is any part's

@@ -44,11 +44,11 @@ def squared_error(found, truth):
 
 def long_edges(model, camera, points, T):
     """Rows of the edge points of each edge of the part that shows for more than 40 px, and about them."""
-    met, groups = meet(model.frame, camera, map_edges(points), T, 1.5), model.frame.groups
+    edge_hits, groups = meet(model.frame, camera, map_edges(points), T, 1.5), model.frame.groups
     found = []
-    for k in np.unique(groups[met.hits]):
-        own = met.points[met.hits & (groups == k)]
-        if met.spans[met.hits & (groups == k)].sum() > 40:
+    for k in np.unique(groups[edge_hits.hits]):
+        own = edge_hits.points[edge_hits.hits & (groups == k)]
+        if edge_hits.spans[edge_hits.hits & (groups == k)].sum() > 40:
             near = np.min(np.linalg.norm(points.pixels[:, None] - points.pixels[own], axis=-1), axis=1) < 6
             found.append(near & (np.abs(points.normals @ np.mean(points.normals[own], axis=0)) > 0.95))
     return found
@@ -80,13 +80,13 @@ def test_edges_farther_off_than_rendered_are_taken_as_such(seen, seed, stated):
     assert squared_error(best, camera.T_world_camera @ T) < chi2.ppf(0.999, 6)
 
 
-def test_what_is_said_of_the_lens_is_in_the_covariance(seen):
+def test_the_stated_lens_error_is_in_the_covariance(seen):
     model, camera, points, T = seen
     found = [answer(model, replace(camera, edge_sd=sd), map_edges(points), T) for sd in (0.0, 0.15, 0.4, 1.0)]
     assert all(more > less + 0.3 for less, more in pairwise(np.linalg.slogdet(h.covariance)[1] for h in found))
 
 
-def test_what_is_said_of_the_camera_s_place_is_in_the_covariance(seen):
+def test_the_stated_camera_pose_error_is_in_the_covariance(seen):
     """T_world_camera exp(e) T = T_world_part exp(G e); along the table's height and tilts the table holds the part."""
     model, camera, points, T = seen
     rng = np.random.default_rng(3)

@@ -79,7 +79,7 @@ def test_marks_that_contradict_each_other_are_refused_by_number():
         fit_camera(CAMERA, pixels, MARKS)
 
 
-def test_a_mark_that_is_told_twice_counts_once():
+def test_a_mark_given_twice_counts_once():
     twice = np.concatenate([MARKS[:3], MARKS[:1]])
     with pytest.raises(InputError, match="different points"):
         fit_camera(CAMERA, seen_from(standing(0.3, 0.0), twice), twice)

@@ -40,7 +40,7 @@ def inside(nees, dof):
 
 @pytest.mark.parametrize("correlated", [False, True])
 @pytest.mark.parametrize("name", FREE_PAIRS)
-def test_scalar_constraints_are_as_uncertain_as_they_say(name, correlated):
+def test_scalar_constraints_follow_their_variance(name, correlated):
     function, first, second = FREE_PAIRS[name]
     rng = np.random.default_rng(sum(map(ord, name)) + correlated)
     T = SE3.exp(np.c_[0.05 * rng.normal(size=(2, 3)), rng.normal(size=(2, 3))])

@@ -49,7 +49,7 @@ CORES = {
 
 
 @pytest.mark.parametrize("shared", [False, True])
-def test_the_table_holds_what_the_cores_say(shared):
+def test_the_table_has_the_values_of_the_cores(shared):
     fs = features(np.random.default_rng(1), shared=shared)
     named = {f.label: f for f in fs}
     table = cs.relate_all(fs)

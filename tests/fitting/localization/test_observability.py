@@ -117,11 +117,11 @@ def test_free_motions_in_words(name, words):
     features, _, _ = CASES[name]
     T = SE3.exp(np.array([0.1, 0.0, 0.2, 0.5, 0.4, -0.3]))  # no axis of the part along one of the world
     e = estimate_pose(pairings(features, T, np.random.default_rng(22)))
-    for said, expected in zip(e.unobserved, words, strict=True):
-        assert said.startswith(expected)
+    for text, expected in zip(e.unobserved, words, strict=True):
+        assert text.startswith(expected)
     upright = estimate_pose(pairings(features, np.eye(4), np.random.default_rng(22)))
-    for said, expected in zip(upright.unobserved, words, strict=True):
-        assert said.startswith(expected.replace("part", "world"))
+    for text, expected in zip(upright.unobserved, words, strict=True):
+        assert text.startswith(expected.replace("part", "world"))
 
 
 def test_noise_does_not_hide_a_free_direction():
@@ -182,7 +182,7 @@ def test_flipped_edge_frames_change_nothing():
     assert f.chi2 == pytest.approx(e.chi2, rel=1e-6)
 
 
-def test_contradictory_pairings_say_so():
+def test_contradictory_pairings_are_reported():
     """One model plane sensed from both sides: no pose explains both, and the estimate does not pretend."""
     rng = np.random.default_rng(27)
     first = pairings([plane(X, A), plane(Y, B), plane(Z, C)], np.eye(4), rng)
@@ -206,7 +206,7 @@ def test_a_single_direction_keeps_its_side(name):
                 assert p.sensed.T_world_feature[:3, 2] @ e.T_world_part[:3, :3] @ p.model.T_part_feature[:3, 2] > 0.9
 
 
-def test_a_turn_is_told_by_the_point_of_its_axis_next_to_part():
+def test_a_rotation_is_named_by_its_axis_point_nearest_the_part():
     """Not by the one next to the origin of its file, which may be metres away."""
     middle, T = np.array([50.0, -20.0, 10.0]), random_pose(np.random.default_rng(3))
     T[:3, 3] = np.array([1.0, 2.0, 3.0]) - T[:3, :3] @ middle  # so that the middle is at (1, 2, 3) m

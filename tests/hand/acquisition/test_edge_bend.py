@@ -43,7 +43,7 @@ def test_the_edge_of_a_bend(degrees):
 
 
 @pytest.mark.slow
-def test_a_slight_bend_is_not_felt_and_the_answer_says_why():
+def test_a_slight_bend_is_not_sensed_and_the_reason_is_given():
     _, got = felt(10, seed=0)
     assert got.status == "nothing"
     assert "bends away by about" in got.message

@@ -70,7 +70,7 @@ def test_a_guess_of_no_radius_is_refused(wrong):
 
 
 @pytest.mark.parametrize("corners", [3, 4, 5, 6])
-def test_no_polygon_looks_like_a_circle_where_rims_are_crossed(corners):
+def test_no_polygon_passes_for_a_circle_at_crossed_rims(corners):
     """Its harmonic at the places is none of a circle that is larger, or a little aside."""
     count = sense_circle.__globals__["ENOUGH"]
     turn = np.radians(sense_circle.__globals__["ANGLES"][:count])

@@ -71,7 +71,7 @@ def test_in_a_trench_the_scan_is_narrower():
     assert clearances(scene, gripper().body, np.array(robot.truth)).min() > 0.008
 
 
-def test_the_hand_turns_square_where_it_knows_that_it_has_room():
+def test_the_hand_turns_square_where_clearance_is_known():
     """Ten degrees take the upper ends of the fingers 15 mm aside, where no beam has been; after a look they may."""
     scene = Scene.of([box("plate", [-0.1, -0.1, -0.02], [0.1, 0.1, 0.0])])
     T = over(0.0, 0.0, height=0.03) @ SE3.exp([0, 0, 0, 0, math.radians(10), 0])

@@ -91,7 +91,7 @@ def test_what_gives_no_echo_any_more_is_forgotten():
     assert np.isinf(run.free_range).all()
 
 
-def test_a_box_ahead_of_body_slows_it_and_one_behind_does_not():
+def test_a_box_ahead_slows_the_body_and_one_in_its_back_not():
     robot = Observation(FREE)
     top = (robot.hand.body.centres[:, 2] + robot.hand.body.radii).max()
     for place, slowed in ((top + 0.0105, True), (-1.0, False)):

@@ -86,7 +86,7 @@ def test_features_of_a_point_set_do_not_count_twice(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("inner", "said"),
+    ("inner", "message"),
     [
         ("<Location>1 2 3</Location><Diameter>0</Diameter>", "a positive diameter"),
         ("<Location>1 2 3</Location><Diameter>wide</Diameter>", "Diameter"),
@@ -94,8 +94,8 @@ def test_features_of_a_point_set_do_not_count_twice(tmp_path):
         ("<Location>1 2</Location><Diameter>3</Diameter>", "three numbers of Location"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(tmp_path, inner, said):
-    with pytest.raises(ReadingsError, match=said):
+def test_what_cannot_be_meant_is_refused(tmp_path, inner, message):
+    with pytest.raises(ReadingsError, match=message):
         read(tmp_path, document(feature("Circle", inner)))
 
 

@@ -122,7 +122,7 @@ def test_a_frame_of_distances_and_one_of_confidences(tmp_path):
     assert readings.sensors[:2] == ("tof.1.1", "tof.1.3")
 
 
-def test_what_a_frame_lacks_is_asked_for(tmp_path):
+def test_missing_facts_of_a_frame_are_requested(tmp_path):
     path = save(tmp_path, lines(DISTANCES, STATUS))
     with pytest.raises(InputError, match=r"expected --rig and --hand with frames of a multi-zone.*--hand '400"):
         read_readings(path)

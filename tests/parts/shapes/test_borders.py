@@ -119,7 +119,7 @@ def test_a_face_that_goes_on_past_a_gap_has_only_a_seam_there():
     assert line[outer][upward[outer]].all()
 
 
-def test_a_face_knows_how_far_it_reaches():
+def test_a_face_has_its_extent():
     found = borders(box(1.0, 2.0, 3.0))
     widths = found.junctions.take(np.arange(len(found.edges))).widths[:, :2, 0]
     np.testing.assert_allclose(np.unique(widths.round(9)), [1.0, 2.0, 3.0])

@@ -47,7 +47,7 @@ def session_about(unknown, targets, number, **stop) -> Session:
     )  # fmt: skip
 
 
-def test_where_no_reading_can_be_made_the_bore_is_asked_for(plates, tmp_path):
+def test_where_no_reading_is_possible_the_bore_is_planned(plates, tmp_path):
     unknown = unknown_scene(plates, 0, np.random.default_rng(1))
     session = session_about(unknown, plates, 0, probability=0.99)
     action = session.ask()
@@ -76,7 +76,7 @@ def test_what_the_hand_cannot_acquire_is_not_offered(plates):
 
 
 @pytest.mark.slow
-def test_a_hand_tells_two_plates_apart_by_their_bore(plates):
+def test_a_hand_distinguishes_two_plates_by_their_bore(plates):
     for number in range(2):
         unknown = unknown_scene(plates, number, np.random.default_rng((3, number)))
         session = session_about(unknown, plates, number, probability=0.99, max_measurements=300)

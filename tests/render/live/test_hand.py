@@ -41,7 +41,7 @@ class Onlooker(Person):
                 self.player.commands.put(Pause())
 
 
-def test_it_moves_stays_and_senses_as_if_nobody_looked(targets):
+def test_it_moves_stays_and_senses_equally_without_a_viewer(targets):
     shows = []
 
     def remembered(*chosen):
@@ -58,9 +58,9 @@ def test_it_moves_stays_and_senses_as_if_nobody_looked(targets):
     person.player = Player(remembered, person, 5, "largest-face", speed=8.0)
     person.player.run()
     assert moved == [3]  # it stayed where it was told to
-    assert any("Wait until the hand rests" in said for said in person.said)
+    assert any("Wait until the hand rests" in text for text in person.messages)
     assert len(person.poses) > 5
-    assert not any(HELP in said for said in person.said[-2:])
+    assert not any(HELP in text for text in person.messages[-2:])
     ways = np.linalg.norm(np.diff([T[:3, 3] for T in person.poses], axis=0), axis=1)
     assert ways.max() < 0.25
     np.testing.assert_allclose(person.poses[-1], shows[0].session.readings.Ts_world_hand[-1], atol=1e-9)

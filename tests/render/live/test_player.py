@@ -47,7 +47,7 @@ def went(targets):
     return play(maker(targets), Go(), Quit())
 
 
-def test_it_goes_to_its_end_and_says_what_it_is(went):
+def test_it_goes_to_its_end_and_names_the_part(went):
     person, (session,) = went
     assert session.stop.reached(session.state)
     assert "bracket_left, located to " in person.words["status"]
@@ -61,10 +61,10 @@ def test_it_goes_to_its_end_and_says_what_it_is(went):
 def test_the_truth_is_not_drawn_before_the_end(targets):
     shown = []
 
-    def look(then):
+    def view(then):
         return lambda person: shown.append(len(person.groups["truth"])) or then
 
-    play(maker(targets, max_measurements=2), look(Advance()), look(Advance()), look(Quit()))
+    play(maker(targets, max_measurements=2), view(Advance()), view(Advance()), view(Quit()))
     assert shown == [0, 0, 1]
 
 
@@ -94,14 +94,14 @@ def test_a_click_senses_there_and_the_counts_are_compared(targets, went):
     assert "1. You, " in person.words["told"]
 
 
-def test_a_click_beside_everything_is_said_and_senses_nothing(targets):
+def test_a_click_beside_everything_is_reported_without_sensing(targets):
     away = Click(np.array([2.0, 2.0, 1.0]), np.array([0.0, 0.0, -1.0]))
     person, (session,) = play(maker(targets, max_measurements=2), away, Quit())
     assert "Nothing is there" in person.words["status"]
     assert session.count == 0
 
 
-def test_another_policy_asks_anew_and_holds_after_a_restart(targets):
+def test_another_policy_plans_again_and_survives_a_restart(targets):
     questions = []
 
     def note(then):
@@ -134,16 +134,18 @@ def test_in_a_contest_the_places_are_the_persons(targets, went):
     """The planner plays the same scene with the same errors; nothing of it is shown but how sure it is."""
     arrows = []
 
-    def look(then):
+    def view(then):
         return lambda person: arrows.append(len(person.groups["next"])) or (then(person) if callable(then) else then)
 
-    here = [look(from_above(0.06, 0.02)), look(from_above(0.02, 0.05))]
-    wants = [Contest(), look(Advance()), *here, look(AnswerNow()), Quit()]
+    here = [view(from_above(0.06, 0.02)), view(from_above(0.02, 0.05))]
+    wants = [Contest(), view(Advance()), *here, view(AnswerNow()), Quit()]
     person, (_, mine, planned) = play(maker(targets, tolerance=1e-5), *wants)
     assert arrows == [0, 0, 0, 0]
     assert [step.action.reason for step in mine.steps] == [ChosenByUser()] * 2
-    assert any("you choose all places: click" in said for said in person.said)
-    assert any("The planner has sensed 1 place: " in said and "sure, largest corner sd" in said for said in person.said)
+    assert any("you choose all places: click" in text for text in person.messages)
+    assert any(
+        "The planner has sensed 1 place: " in text and "sure, largest corner sd" in text for text in person.messages
+    )
     _, (alone,) = play(maker(targets, tolerance=1e-5), Go(), Quit())
     np.testing.assert_array_equal(planned.readings.points, alone.readings.points)
     cells = re.findall(r"<t[hd][^>]*>([^<]*)<", person.words["status"])
@@ -177,5 +179,5 @@ def test_what_goes_wrong_with_the_planner_is_not_hidden(targets):
 
 def test_after_the_end_everything_but_a_restart_is_refused(targets):
     person, sessions = play(maker(targets, max_measurements=1), Go(), Advance(), Restart(), Quit())
-    assert any("The session has ended. Press Restart" in said for said in person.said)
+    assert any("The session has ended. Press Restart" in text for text in person.messages)
     assert [s.count for s in sessions] == [1, 0]

@@ -87,13 +87,13 @@ F = 37 / 35
 
 
 @pytest.mark.slow
-def test_beams_are_as_uncertain_as_they_say(runs):
+def test_beams_follow_their_covariance(runs):
     assert runs["status"] == {"calibrated"}
     assert mean_in_interval(runs["beam"], 7, F)
 
 
 @pytest.mark.slow
-def test_planes_and_their_angle_are_as_uncertain_as_they_say(runs):
+def test_planes_and_their_angle_follow_their_covariance(runs):
     assert mean_in_interval(runs["plane"], 3, F)
     assert mean_in_interval(runs["angle"], 1, F)
 
