@@ -67,8 +67,7 @@ def three():
 
 
 def readings_of(sensor, policy, seed, scene, unknown=USUAL):
-    """Return the readings until the part is known and until it is placed (``MOST + 1``: never), and whether both were
-    right."""
+    """Return the readings until the part is known and until it is placed (``MOST + 1``: never), and both verdicts."""
     (probe, corner), targets = SENSORS[sensor], twenty()
     start, rng = rough(targets, PLACE, Priors(unknown=unknown)), np.random.default_rng((seed, scene))
     k, T = drawn_truth(start, rng, scene % len(targets))
@@ -131,7 +130,7 @@ class Clairvoyant:
         samples = draw(s.state, 600)
         p = predict(samples, c.origins, c.directions)
         true = beam_hits(self.target, self.T[None], c.origins, c.directions)[0]  # (C, 1)
-        answers, hits = p.met & s.probe.answers(p.ranges, p.cosines), np.isfinite(true)
+        answers, hits = p.hit & s.probe.answers(p.ranges, p.cosines), np.isfinite(true)
         own = s.probe.variance(np.where(answers, p.ranges, 1.0), np.where(answers, p.cosines, 1.0)) + p.variances
         gaps = np.where(answers, p.ranges, 0.0) - np.where(hits, true, 0.0)
         hit = np.where(answers, np.exp(-0.5 * gaps**2 / own) / np.sqrt(2 * np.pi * own), 0.0)
@@ -159,8 +158,7 @@ def named(policy, seed, scene):
 
 
 def known_parts(scenes, seed, keep, processes):
-    """Return a table of sessions that stop at a sure part, and the least number of readings, by a policy that has the
-    truth."""
+    """Return a table of sessions that stop at a sure part; the clairvoyant policy gives a lower bound."""
     compared = ("information", "random", Clairvoyant.name)
     cases = [(policy, seed, scene) for scene in range(scenes) for policy in compared]
     done = list(zip(cases, run_cases(named, cases, keep, processes), strict=True))
@@ -176,8 +174,7 @@ def known_parts(scenes, seed, keep, processes):
 
 
 def ended(seed, scene):
-    """Run a session that ends by itself at P > 0.99 and 1 mm at 95 %, and return whether it is right and within 1
-    mm."""
+    """Return whether a session that ends at P > 0.99 and 1 mm at 95 % is right and within 1 mm."""
     targets, rng = twenty(), np.random.default_rng((seed, scene))
     start = rough(targets, PLACE)
     k, T = drawn_truth(start, rng)
@@ -206,8 +203,7 @@ def stops(scenes, seed, keep, processes):
 
 
 def run_sequence(seed, number):
-    """Run one random sequence of readings: planned, wrong, free, late, repeated, not finite. Return their number and
-    the error."""
+    """Run a random sequence of planned, wrong, free, late, repeated and infinite readings; return count and error."""
     targets, rng = three(), np.random.default_rng((seed, number))
     start = rough(targets)
     k, T = drawn_truth(start, rng)

@@ -149,8 +149,7 @@ def made_files(folder: Path, demo: Path) -> None:
 
 
 def _prism(outline, height):
-    """Return the corners of the triangles ``(T, 3, 3)`` of an extruded outline that is star-shaped about its first
-    corner."""
+    """Return the triangles ``(T, 3, 3)`` of an extruded outline that is star-shaped about its first corner."""
     low, high = (np.column_stack([outline, np.full(len(outline), z)]) for z in (-height / 2, height / 2))
     k = np.arange(1, len(outline) - 1)
     ends = [[high[0], high[i], high[i + 1]] for i in k] + [[low[0], low[i + 1], low[i]] for i in k]

@@ -36,8 +36,7 @@ def share_right(part, covariance, rng, draws=300):
 
 
 def covariance_at(target, touches, T):
-    """Return the covariance ``(6, 6)`` of the posterior about the maximum next to a pose, as an answer would state
-    it."""
+    """Return the covariance ``(6, 6)`` that an answer states for the maximum next to a pose."""
     problem = Problem(touches, no_paths(), Priors(radius=target.part.radius))
     mode = posterior_about(problem, target, T[None], np.random.default_rng(0)).modes[0]
     return as_hypothesis(touches, goodness_of_fit(mode)).covariance

@@ -32,7 +32,7 @@ MACHINES = ("fake:direct", "fake:grbl", "fake:linuxcnc", "fake:ur")
 
 
 def session(part, priors: Priors, *, turns: bool) -> Session:
-    mounting = {"stylus_behind": True} if turns else {"stylus": -DOWN}
+    mounting = {"stylus_along_motion": True} if turns else {"stylus": -DOWN}
     where = {"contact": True, "radius": 1e-3, "approach": DOWN, "cone": np.pi / 2, "standoff": 0.02, "clearance": 0.005}
     stop = Stop(tolerance=TOLERANCE, confidence=0.95, max_measurements=20)
     return Session(
@@ -98,8 +98,7 @@ def block() -> Surface:
 
 
 def latency(speedup: float, count: int) -> None:
-    """Print what protocol, wrapper and fake machine add to the time of the motions, for touches alone and with the
-    retreat.
+    """Print the time that protocol, wrapper and fake add to the motions of touches, alone and with the retreat.
 
     Args:
         speedup: speed of the fake relative to the stated speed; infinite: motions take no time.

@@ -39,8 +39,7 @@ CHUNK, SHARED_SD = 500, 1e-5
 
 
 def interval(dof, count):
-    """Return the 95 % interval of the mean of chi-square values over their degrees of freedom, for a number of
-    values."""
+    """Return the 95 % interval of the mean of ``count`` chi-square values over their degrees of freedom."""
     low, high = special.chdtri(dof * count, [0.975, 0.025]) / (dof * count)
     return f"{low:.3f} to {high:.3f}"
 

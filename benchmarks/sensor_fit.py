@@ -18,8 +18,7 @@ from tanteo.sensors import calibrate, plane_angle
 
 
 def one_log(seed, places, saturated):
-    """Return squared errors over variances for two planes at right angles, and the readings excluded rightly and
-    wrongly."""
+    """Return squared errors over variances for two planes, and counts of right and wrong exclusions."""
     rng = np.random.default_rng(seed)
     floor = SE3.exp(rng.normal(size=6) * [0.3, 0.3, 0.3, 2, 2, 2])
     wall = floor @ SE3.from_parts(SO3.exp(np.array([np.pi / 2, 0, 0])), np.array([0.0, 0.3, 0]))

@@ -87,8 +87,7 @@ def view(shot, model):
 
 
 def weighed(k):
-    """Return the sums of the maxima of one scene, the flags of the right ones, and the stretches of edge; None if
-    unseen."""
+    """Return the sums of the maxima of a scene, the right ones, and the stretches of edge; None if unseen."""
     models, shot, other, T_world_table = scene(k)
     truth, edges, region = view(shot, other or shot.model)
     if region is None:

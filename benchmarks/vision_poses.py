@@ -42,8 +42,7 @@ WAYS = {
 
 
 def distorted_camera(camera, wrong, rng):
-    """Return the camera with a random distortion: the rms error of a pixel along each axis is as given, the mean error
-    is zero."""
+    """Return the camera with a random distortion of a given rms pixel error along each axis and zero mean."""
     size = np.array(camera.size)
     rays = np.stack(np.meshgrid(*(np.linspace(0, n, 20) for n in size)), axis=-1).reshape(-1, 2)
     rays = np.c_[(rays - camera.centre) / camera.focal, np.ones(len(rays))]

@@ -22,8 +22,8 @@ MOST = {
     "files with checks of a kind in C++": 0,
     "checks of a kind in Python": 0,
     "files with checks of a kind in Python": 0,
-    "code lines of Python in the judged packages": 10117,
-    "code lines of C++": 9550,
+    "code lines of Python in the judged packages": 10224,
+    "code lines of C++": 9600,
     "words of docs": 33500,
     "live decisions": 40,
 }

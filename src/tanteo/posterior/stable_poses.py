@@ -20,7 +20,7 @@ tolerance."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OnTable(PoseFactor):
-    """Prior of a part on a table: stable poses with their probabilities, uniform place and yaw.
+    """Prior of a part on a table: stable poses with their probabilities, uniform position and yaw.
 
     Attributes:
         T_world_table: frame of the table, its plane z = 0, the part above it ``(4, 4)``.
@@ -39,7 +39,7 @@ class OnTable(PoseFactor):
 
     @property
     def is_pose_prior(self) -> bool:
-        """Return whether the factor is a prior density of the pose: yes."""
+        """Return True: the factor is a prior density of the pose."""
         return True
 
     def term(self, part: Part, first: int) -> _core.PoseTerm:

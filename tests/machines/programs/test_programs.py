@@ -41,7 +41,7 @@ def part(parts):
 
 @pytest.fixture(scope="module")
 def jobs(part):
-    upright, side = job_for(part, stylus=[0, 0, 1]), job_for(part, stylus_behind=True)
+    upright, side = job_for(part, stylus=[0, 0, 1]), job_for(part, stylus_along_motion=True)
     return {name: upright if name in AXES_3 else side for name in PROGRAMS.builtin}
 
 

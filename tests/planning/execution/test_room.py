@@ -10,15 +10,15 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.hand import ForbiddenBox, Rules, Workspace
 from tanteo.parts import signed_distance
-from tanteo.planning import FreeSpace, PossiblePoses, approach_poses, around, begin, hand_probe, propose, reachable
-from tanteo.planning.execution.approach import approach_path, back, route
+from tanteo.planning import FreeSpace, PossiblePoses, approach_poses, at_place, begin, hand_probe, propose, reachable
+from tanteo.planning.execution.approach import approach_path, retreated_poses, route
 
 RULES = Rules(clearance=0.012, workspace=Workspace.above(0.0))
 LYING = SE3.from_parts(np.eye(3), [0.0, 0.0, 0.03])
 
 
 def believed(targets, sd=0.005):
-    return begin(around(targets, LYING, np.diag(np.repeat([sd, min(10 * sd, 3.0)], 3)) ** 2))
+    return begin(at_place(targets, LYING, np.diag(np.repeat([sd, min(10 * sd, 3.0)], 3)) ** 2))
 
 
 def exact_gap(body, possible, T):
@@ -79,7 +79,7 @@ def test_what_is_reachable_keeps_the_whole_hand_clear(targets):
     space = FreeSpace(hand.body, RULES.workspace, possible, RULES.clearance)
     for k in np.flatnonzero(able)[:5]:
         Ts = approach_poses(hand, candidates.origins[k][None], candidates.directions[k][None])[0]
-        fit = Ts[space.allows(Ts) & space.allows(back(Ts, probe.retreat))]
+        fit = Ts[space.allows(Ts) & space.allows(retreated_poses(Ts, probe.retreat))]
         assert len(fit)
         assert exact_gap(hand.body, possible, fit[0]) > RULES.clearance - 1e-3
         assert RULES.workspace.clear(hand.body, fit[0]) > RULES.clearance
@@ -115,8 +115,8 @@ def test_from_a_narrow_place_there_is_way_out_but_not_further_in(targets):
     gaps = np.array([exact_gap(hand.body, possible, T) for T in stands])
     narrow = stands[int(np.flatnonzero(gaps > 0.5 * RULES.clearance)[0])]
     assert not space.allows(narrow[None])[0]
-    assert space.along(approach_path(hand, narrow, back(narrow, 0.05)))
-    assert not space.along(approach_path(hand, narrow, back(narrow, -0.01)))
+    assert space.along(approach_path(hand, narrow, retreated_poses(narrow, 0.05)))
+    assert not space.along(approach_path(hand, narrow, retreated_poses(narrow, -0.01)))
 
 
 def test_the_probe_is_a_frontal_sensor(targets):
@@ -130,7 +130,7 @@ def test_the_probe_is_a_frontal_sensor(targets):
     assert free.approach is None
     with pytest.raises(InputError, match=r"1\.25 times the clearance of 12 mm"):
         hand_probe(hand, RULES, 0.013)
-    with pytest.raises(InputError, match="stand-off within range"):
+    with pytest.raises(InputError, match="standoff: expected at most 120 mm"):
         hand_probe(hand, RULES, 0.2)
 
 

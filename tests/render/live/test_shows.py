@@ -159,7 +159,7 @@ def test_every_reading_answers_the_planned_action(targets):
 
     class Views:
         def place(self, note):
-            assert session.asked is None
+            assert session.pending is None
             readings.append(session.steps[-1].action.number)
 
     probe_show(session, bare, ()).run(Views())
