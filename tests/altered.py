@@ -1,4 +1,4 @@
-"""Measurements with other columns: each factor is made anew."""
+"""Measurements with changed columns: each factor is rebuilt."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ WRONG = (
     "slot", "slot end", "square", "hexagon", "step", "plain",
     "larger bore", "next bore", "boss for bore", "bore for boss",
 )  # fmt: skip
-"""What may be there instead of what is meant."""
+"""Features that may be present instead of the guessed one."""
 
 
 def wrong_task(rng, what):

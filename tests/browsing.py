@@ -1,4 +1,4 @@
-"""A page in a real browser, watched: what it said, what it asked for, what can be read, reached and named in it."""
+"""A page in a real browser, observed: its messages and requests, and what can be read, reached and named in it."""
 
 from __future__ import annotations
 
@@ -100,10 +100,10 @@ FOCUSED = """() => {
 
 
 class Watched:
-    """A page, and what it said and asked for.
+    """A page with its console messages and network requests.
 
     Args:
-        noise: Types of console messages that count as something said; None counts all.
+        noise: types of console messages that count as messages; None counts all.
     """
 
     def __init__(self, browser, url, size, scheme="light", *, offline=False, noise=None):
@@ -129,7 +129,8 @@ class Watched:
         self.page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
     def until(self, expression):
-        """Wait for it to become true; asked from outside, since the policy of a report allows no page to evaluate."""
+        """Wait until an expression is true; Python evaluates it, since the policy of a report allows no page to do
+        so."""
         for _ in range(PATIENCE // 50):
             if self.page.evaluate(expression):
                 return

@@ -143,7 +143,7 @@ class Pixels:
 
     @property
     def sd(self):
-        """Noise of a pixel that is drawn: all faces count alike, as they do in a draw."""
+        """Noise of a drawn pixel: all faces count equally, as in a draw."""
         return float(np.sqrt(np.mean(np.square(list(self.sd_of_face.values())))))
 
     def choose(self, n, rng):

@@ -1,8 +1,10 @@
-"""Scenes for the hand: a part in a fixture, something beside it, a rough idea of a feature; and what the truth is.
+"""Scenes for the hand: a part in a fixture, an obstacle beside it, a rough guess of a feature, and the truth.
 
-Used by the tests of motions and acquisition and by ``benchmarks/motions.py``. A scene is kept only if what is asked
-for can be done at all: at the true pose both sensors meet the face, and the hand is as far from everything as the
-stand-off; table and clamp leave it room to work, and there is free space around it at the start.
+The tests of motions and acquisition and ``benchmarks/motions.py`` use them. A scene is kept only if the task is
+feasible.
+At the true pose both sensors hit the face, and the hand is as far from everything as the stand-off. Table and clamp
+leave
+it clearance to work, and there is free space around it at the start.
 """
 
 from __future__ import annotations
@@ -27,13 +29,13 @@ ABOVE = 0.040, 0.060
 """The start is this much higher than the stand-off [m], before it is turned and displaced."""
 
 START_CLEARANCE = 0.025
-"""Around the hand at the start, beyond half the stand-off [m]: its fingers swing so far when it looks around."""
+"""Clearance of the hand at the start, beyond half the stand-off [m]: its fingers swing so far in a scan."""
 
 WORKING_CLEARANCE = 0.025
 """To each side of the true place, for the hand over it [m]: table and clamp leave so much beyond the clearance."""
 
 SHORTEST = 0.05
-"""Edges that are asked for are this long [m]."""
+"""Length of the edges to acquire [m], at least."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def facing(hand, place, normal, along, height, near):
 
 
 def make_task(rng, kind, name, clamp=False):
-    """Draw scenes until one can be done; with a clamp beside the part that nobody knows of, or without."""
+    """Draw scenes until one is feasible, optionally with a clamp beside the part that the planner has no model of."""
     while True:
         task = _try(rng, kind, name, clamp)
         if task is not None:
@@ -220,7 +222,7 @@ def _possible(rng, scene, hand, place, normal, standoff):
         down = Workspace.above(0.0).allows(hand.body, T, 0.6 * standoff + 0.004)
         if clearances(scene, hand.body, T[None])[0] < 0.95 * standoff or not down:
             continue
-        # besides the part itself, the hand has room to work
+        # apart from the part itself, the hand has clearance to work
         beside = Scene.of([s for s in scene.solids if s.name in ("table", "clamp")])
         shifts = WORKING_CLEARANCE * np.stack([along, -along, across, -across])
         shifted_poses = np.repeat(T[None], 4, axis=0)
@@ -264,7 +266,7 @@ def is_meant(truth, feature):
 def nees(scene, feature):
     """Squared error of a feature against what stands there, in its own covariance; and the solid that it is on.
 
-    The truth is the nearest plane, edge or corner of the scene, whichever was asked for.
+    The truth is the nearest plane, edge or corner of the scene, by the kind of the feature.
     """
     rows = list(feature.kind.rows)
     P = feature_covariance(feature)[np.ix_(rows, rows)]

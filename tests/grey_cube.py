@@ -63,9 +63,9 @@ def same_pose(part, first, second, turn=2.0, shift=0.01):
 
 
 def measured_corners(image, model, T_camera_cube):
-    """Visible corners of the cube, and where lines fitted to the image alone meet there [px].
+    """Return the visible corners of the cube, and where lines fitted to the image alone intersect there [px].
 
-    The pose says which edge points belong to which edge (within 4 px); the lines are free.
+    The pose assigns edge points to edges (within 4 px); the lines are free.
     """
     edges = map_edges(find_edges(image))
     hits = meet(model.frame, camera(), edges, T_camera_cube, 4.0)

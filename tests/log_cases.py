@@ -1,4 +1,4 @@
-"""Small samples of every log format: the same four points, whoever wrote them."""
+"""Small samples of every log format: the same four points from every program."""
 
 from __future__ import annotations
 

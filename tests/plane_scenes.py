@@ -10,7 +10,7 @@ REPEAT = (0.5e-3, 0.003)
 
 
 def random_hands(rng, n, plane, T_hand_beam, tilt=0.7, near=0.1, far=0.5):
-    """Hands whose beam looks at a plane (z of ``plane`` towards them) from up to ``tilt`` radians off the normal."""
+    """Return hands whose beam hits a plane (z of ``plane`` towards them) at up to ``tilt`` radians off the normal."""
     spots = SE3.apply(plane, np.concatenate([rng.uniform(-0.2, 0.2, (n, 2)), np.zeros((n, 1))], axis=1))
     turns = rng.uniform(-np.pi, np.pi, n)
     lean = rng.uniform(-1, 1, (n, 2)) * tilt / np.sqrt(2)

@@ -1,4 +1,4 @@
-"""Cameras over tables, and things in the way, for rendered scenes (``tanteo.vision.rendering``)."""
+"""Cameras over tables, and obstacles, for rendered scenes (``tanteo.vision.rendering``)."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def plane_feature(points, normal, sd, rng, label=""):
 def sensed_planes(part, T_world_part, planes, sd, rng, n_points=5):
     out = []
     for k, plane in enumerate(planes):
-        while True:  # nobody calls three points in a row a plane
+        while True:  # three collinear points are no plane
             points = SE3.apply(T_world_part, points_on_plane(part, plane, n_points, rng))
             if np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] > 8 * sd:
                 break

@@ -133,7 +133,7 @@ def located(target, sd):
 
 
 def sense(session, target, T, rng, sd=None, each=None):
-    """Ask and tell until the session ends; calls ``each`` after every reading."""
+    """Run plans and updates until the session ends, and call ``each`` after every reading."""
     sd = float(session.probe.law.const) if sd is None else sd
     while isinstance(action := session.ask(), Action):
         distance = true_range(target, T, action)

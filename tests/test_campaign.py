@@ -30,7 +30,7 @@ def test_a_campaign_goes_on_where_it_stopped(tmp_path):
     rows = run_cases(run, [("a", 0), *cases], keep)
     assert calls == [("a", 1), ("b", 2), ("a", 0)]
     assert [row["half"] for row in rows] == [0, 0.5, 1]
-    assert rows[2]["list"] == [0, 1]  # as it was kept
+    assert rows[2]["list"] == [0, 1]  # unchanged
 
 
 def test_a_row_that_cannot_be_kept_is_refused(tmp_path):

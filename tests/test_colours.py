@@ -1,4 +1,4 @@
-"""Colours that can be read and told from each other, also by those who see fewer of them."""
+"""Colours that can be read and distinguished, also with colour-deficient vision."""
 
 from __future__ import annotations
 

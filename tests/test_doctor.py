@@ -1,4 +1,4 @@
-"""The doctor: it knows all extras, its self-test can fail, and a broken installation is said, not raised."""
+"""The doctor: it lists all extras, its self-test can fail, and a broken installation is a message, no exception."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The front door: its names, their examples, and nothing besides."""
+"""The public API: its names, their examples, and nothing else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every example runs without a warning and says what it promises; the readings are those of the script."""
+"""Every example runs without a warning and prints its expected output; the readings are those of the script."""
 
 from __future__ import annotations
 

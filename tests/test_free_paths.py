@@ -1,4 +1,4 @@
-"""Paths on which nothing was met, beside touches with labels and without: they count, and what contradicts is named."""
+"""Paths without a hit, beside touches with labels and without: they count, and contradicting ones are named."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def path_that_meets(meets, misses, rng):
 
 
 def sensed(part, T, planes, paths, rng, labels=True):
-    """Touches of planes, and beams that met nothing, from a hand that looks along its z."""
+    """Return touches of planes and beams without a hit, from a hand that points along its z."""
     points = np.concatenate([SE3.apply(T, points_on_plane(part, k, 4, rng)) for k in planes])
     into = -np.repeat(part.planes.normals[planes], 4, axis=0) @ T[:3, :3].T
     n, m = len(points), len(paths)

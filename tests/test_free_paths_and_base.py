@@ -1,4 +1,4 @@
-"""Paths on which nothing was met, in a world that the robot's base puts elsewhere: they are off with the readings."""
+"""Paths without a hit, in a world displaced by the error of the robot's base: they move with the readings."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def grazing(target, m, rng):
 
 
 def seen(T, points, into, paths, rng, labels=()):
-    """Touches and free-space rays as a robot says them whose base is off; all are in the part's frame."""
+    """Return touches and free-space rays of a robot with a displaced base; all are in the part's frame."""
     base = np.repeat([ROBOT.pos_abs_std, ROBOT.rot_abs_std], 3) * rng.normal(size=6)
     T_stated, n, m = SE3.exp(-base) @ T, len(points), len(paths)
     points = points + SD * rng.normal(size=points.shape)
@@ -83,7 +83,7 @@ def answers(targets):
 
 @pytest.mark.slow
 def test_the_covariance_in_the_world_is_as_wide_as_base_makes_it(answers):
-    """Paths that stayed behind would hold the part where the base is not off: a third of them were in the region."""
+    """Paths without the base error would pin the part at the wrong place: a third of the answers were in the region."""
     sure = [(part, T, a.hypotheses[0]) for part, T, a in answers if a.status == "recognized"]
     assert len(sure) >= 0.7 * SCENES
     values = np.array([nees(part, h.T_world_part, h.covariance, T)[0] for part, T, h in sure])
@@ -108,7 +108,7 @@ def test_a_path_through_the_middle_is_named_also_with_base_off(targets, labels):
 
 
 def test_labelled_parts_are_weighed_with_free_space_rays(targets):
-    """Twelve paths that passed: the part is no less probable than it was without them, and none of them is named."""
+    """Twelve free paths: the part is no less probable than without them, and no path is named."""
     for k in range(8):
         rng, target = np.random.default_rng((1992, k)), targets[k % 2]
         T = box_centred_pose(rng)

@@ -25,7 +25,7 @@ def scenes(case, count=1, parts=PARTS):
 @pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_the_region_holds_the_truth_when_the_noise_is_another(factor, count):
-    """90 % are asked for; fewer than this are one false alarm in a thousand."""
+    """The goal is 90 %; fewer than the bound are one false alarm in a thousand."""
     sure = [row for row in scenes(lambda *case: noisy(factor, *case), count) if row["status"] == "recognized"]
     assert len(sure) >= 8 * count
     assert sum(row["held"] for row in sure) >= binom.ppf(1e-3, len(sure), 0.9)

@@ -151,7 +151,7 @@ def test_code_runs(name, wedge, tmp_path, monkeypatch, capsys):
 
 
 def typed(text):
-    """Lines that begin with the program's name, continued ones as one, without what is said behind them."""
+    """Yield lines that begin with the program's name, continued ones as one, without trailing output."""
     for line in text.replace("\\\n", " ").splitlines():
         words = re.split(r"\s{2,}#?|\s#", line.removeprefix("$ ").strip())[0] if "\\" not in line else line
         if words.startswith("tanteo ") and "(" not in words:

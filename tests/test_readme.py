@@ -1,4 +1,4 @@
-"""The README does what it says: its commands exist, its code runs, and its output is the program's.
+"""The README is correct: its commands exist, its code runs, and its output is the program's.
 
 ``python tests/test_readme.py`` writes the output of today into the README and the first steps.
 """
@@ -33,7 +33,7 @@ PLAIN = [line for language, body in BLOCKS if not language for line in body.spli
 
 
 def tanteo(command, cache):
-    """Output of ``tanteo ...``, run where the README says."""
+    """Return the output of ``tanteo ...``, run in the folder of the README."""
     program, *arguments = command.split()
     assert program == "tanteo"
     code = [sys.executable, "-c", "from tanteo.cli import main; main()", *arguments]
@@ -61,7 +61,7 @@ def cache(cache):
 def test_output_is_that_of_the_program(block, cache):
     command, shown = block.split("\n", 1)
     real = tanteo(command.removeprefix("$ "), cache)
-    assert equal_but_rounding(shown, real), f"the page shows\n{shown}\nand the program says\n{real}"
+    assert equal_but_rounding(shown, real), f"the page shows\n{shown}\nand the program prints\n{real}"
 
 
 @pytest.mark.parametrize("block", PYTHON)

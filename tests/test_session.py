@@ -1,4 +1,4 @@
-"""Asking and telling: goals are reached, anything may be told, and what cannot be a reading is refused."""
+"""Plans and updates: goals are reached, any reading may be given, and invalid readings are refused."""
 
 from __future__ import annotations
 
@@ -57,7 +57,8 @@ def test_a_session_names_and_places_the_part(targets, seed):
 
 
 def test_a_part_like_others_is_confirmed_face_by_face(targets):
-    """Located to begin with, so that no reading tells much; a part like it still gets less probable with each."""
+    """Located at the start, so that no reading has much information; a similar part still gets less probable with
+    each."""
     target, rng = targets[0], np.random.default_rng(4)
     start = rough([target], (1e-5, 1e-4))
     session, faces = new_session(start, probability=0.995), []
@@ -122,7 +123,7 @@ def free_beam(name, origin=(0.5, 0.5, 0.5)):
 
 
 def test_only_its_answer_ends_the_wait_of_a_question(targets):
-    """Late, repeated and unasked readings are told while a robot is on its way."""
+    """Late, repeated and unplanned readings are given while a robot is on its way."""
     session = new_session(rough(targets))
     first = session.ask()
     reading = first.read(true_range(targets[0], np.eye(4), first))
@@ -185,7 +186,7 @@ def test_a_reading_of_another_beam_answers_only_by_word(targets):
 
 
 def test_a_hand_that_is_not_quite_where_it_was_sent_has_answered(targets):
-    """And a touch of which only the place is known: asked again for ever, no loop would end."""
+    """A touch without a direction also answers: with the same plan for ever, no loop would end."""
     session = new_session(rough(targets))
     for shift in (None, 0.02):
         action = session.ask()
@@ -198,7 +199,7 @@ def test_a_hand_that_is_not_quite_where_it_was_sent_has_answered(targets):
 
 @pytest.mark.parametrize("expected", [np.nan, np.inf, 0.0])
 def test_a_question_that_expects_nothing_is_answered_by_its_beam(targets, expected):
-    """Put by somebody who did not say after which way: it would be asked again for ever."""
+    """The caller gave no direction: the session would plan it for ever."""
     session = new_session(rough(targets))
     action = replace(session.ask(), expected=expected)
     session.put(action)
@@ -214,7 +215,7 @@ def test_only_question_that_waits_is_dropped_when_it_is_refused(targets):
     second = session.ask()
     session.refuse(first)
     assert session.ask() is second
-    session.refuse(replace(second))  # as it is read from a record
+    session.refuse(replace(second))  # as a record restores it
     assert session.pending is None
     assert session.refused[0] is first
 
@@ -266,7 +267,7 @@ def test_a_correction_of_a_reading_is_not_taken_silently(targets):
 
 
 def test_no_session_succeeds_before_a_reading_hits_a_part(targets):
-    """Beams that went free beside the only part that is expected tell nothing of which it is."""
+    """Beams that pass beside the only expected part do not decide which part it is."""
     start = replace(rough(targets[:1]), priors=replace(rough(targets[:1]).priors, unknown=0.005))
     session = new_session(start, probability=0.99)
     away = np.array([[1.0, 1.0, 1.0]])
@@ -363,7 +364,7 @@ def test_millimetres_are_no_free_beam(targets):
 
 
 def test_a_contradicted_prior_ends_the_session(targets):
-    """All six of its errors are over twice what was said; the readings agree, and a wider prior pose explains them."""
+    """All six errors are over twice the stated ones; the readings agree, and a wider prior pose explains them."""
     start, rng = rough(targets, (0.010, 0.07)), np.random.default_rng(4)
     T = start.Ts[2] @ SE3.exp(np.linalg.cholesky(start.covariances[2]) @ np.full(6, 2.3))
     session = new_session(start, tolerance=1e-3, max_measurements=40)
@@ -385,7 +386,7 @@ def test_a_contradicted_prior_ends_the_session(targets):
     [(True, 0.0, 3e-4, 3e-4), (False, 0.0, 3e-4, 9e-5), (False, 0.02, 3e-4, 1e-3), (False, 0.0, 3e-3, 9e-4)],
 )
 def test_a_beam_is_as_wide_across_as_its_cone_and_touch_as_along(targets, contact, half_angle, sd, across):
-    """Of readings of which only the spread along is said; a beam taken for a touch sees no edge where it is."""
+    """Readings with a stated spread along only; a beam taken for a touch puts an edge at the wrong place."""
     session = Session(rough(targets), replace(LASER, contact=contact, beam_half_angle=half_angle), Sensing(sd=sd))
     action = session.ask()
     d = action.direction
@@ -413,7 +414,7 @@ TOUCH = probe_of(2e-5, contact=True)
 
 
 def touched(session, target, T, tip, *, turned):
-    """Touches until the session ends, by a hand that turns with the approach or is held alike and whose tip is off."""
+    """Sense touches until the session ends, with a displaced tip and a hand that rotates with the approach or not."""
     rng, ways = np.random.default_rng(3), []
     while isinstance(action := session.ask(), Action):
         R = action.T_world_probe[:3, :3] if turned else np.eye(3)
@@ -425,7 +426,8 @@ def touched(session, target, T, tip, *, turned):
 
 
 def test_places_that_the_tip_hides_are_not_planned_repeatedly(targets):
-    """The hand is held alike: what is left is the tip's offset, which no further touch tells from the part's place."""
+    """The hand keeps its rotation: the tip's offset remains, and no further touch separates it from the part's
+    place."""
     start = at_pose(targets[0], np.eye(4), np.diag([3e-3] * 3 + [0.03] * 3) ** 2)
     sensing = Sensing(sd=2e-5, tip_sd=(5e-4, 5e-4, 2e-4))
     session = Session(start, TOUCH, sensing, stop=Stop(tolerance=1e-4, max_measurements=40))
@@ -495,7 +497,7 @@ def test_centres_of_a_ball_are_given_as_to_identify(targets, bias_sd):
 
 
 def test_the_ball_is_part_of_the_probe(targets):
-    """Its centre stops one radius short of a face, and is told as such."""
+    """Its centre stops one radius short of a face, and the reading is this centre."""
     radius, T = 3e-3, SE3.exp(np.array([1e-3, -1e-3, 1e-3, 0.01, 0.01, -0.01]))
     start = at_pose(targets[0], np.eye(4), np.diag([2e-3] * 3 + [0.02] * 3) ** 2)
     probe = replace(TOUCH, radius=radius)
@@ -511,7 +513,7 @@ def test_the_ball_is_part_of_the_probe(targets):
 
 
 def test_no_session_succeeds_with_an_unaccepted_answer(targets):
-    """Readings that are all two standard deviations off, each twice, to either side: none of them is an outlier."""
+    """Readings that are all two standard deviations off, each twice, to either side: no reading is an outlier."""
     session = new_session(rough(targets), tolerance=8e-4)
     while isinstance(action := session.ask(), Action):
         distance = true_range(targets[0], session.start.Ts[0], action)
@@ -542,7 +544,7 @@ def test_a_higher_step_is_an_unknown_object_in_its_place():
 
 
 def test_of_several_prior_poses_the_nearest_counts(targets):
-    """An image was wrong by far more than it said, but what was known besides allows it."""
+    """An image was wrong by far more than it stated, but the other prior allows it."""
     start, rng = rough(targets[2:], (0.015, 0.1)), np.random.default_rng(4)
     both = replace(
         start, part=np.zeros(2, dtype=int), Ts=np.stack([start.Ts[0]] * 2), weights=np.array([0.02, 0.98]),
@@ -601,7 +603,7 @@ def test_a_reading_that_not_fit_is_made_once_more_and_settles_it(targets, of_the
     assert again == 2 or (again == 1 and not of_the_object)  # one is enough where the first shows that the sensor erred
     assert action.reached == (not of_the_object)
     assert session.count <= 20 or of_the_object
-    assert session.state.unknown > 0.01 or not of_the_object  # how much depends on which faces were asked of
+    assert session.state.unknown > 0.01 or not of_the_object  # how much depends on the planned faces
 
 
 def test_beams_that_are_made_twice_are_of_one_place(targets):
@@ -657,7 +659,7 @@ def test_poses_that_differ_by_less_than_tolerance_are_one_answer(targets):
         )
     assert answered(three, Stop(0.98, tolerance=0.02), 0, 5, 0.01).status == "unknown"
     in_some = answered(three, Stop(0.6), 0, 5, 0.01)
-    assert in_some.status == "ambiguous"  # of its poses; which part it is was asked for, and is said
+    assert in_some.status == "ambiguous"  # of its poses; the session decided the part
     assert in_some.message.startswith(
         "It is wedge (66.0 %), in one of several poses. It may also be an unknown part (34.0 %)."
     )

@@ -1,4 +1,4 @@
-"""The documentation as a site: it builds without a warning, has every room, and asks for nothing when it is read."""
+"""The documentation as a site: it builds without a warning, has every package, and makes no request when it is read."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_every_notebook_has_an_expected_output():
 @pytest.mark.slow
 @pytest.mark.parametrize("with_notebooks", [False, True])
 def test_the_site(tmp_path, with_notebooks, request):
-    """Built once, with the notebooks run or not: no warning, every page, nothing asked of anybody, links that hold."""
+    """Built once, with the notebooks run or not: no warning, every page, no request to other hosts, valid links."""
     for module in ("sphinx", "furo", "myst_parser", "latex2mathml", "sphinx_gallery", "matplotlib"):
         if importlib.util.find_spec(module) is None:
             pytest.skip(f"the extra tanteo[docs] is not installed: {module} is missing")
@@ -126,7 +126,7 @@ CUT = """() => [...document.querySelectorAll("article pre, article img, article 
 
 
 def view(site, browser, folder, with_notebooks):
-    """Three doors and pictures, a search that finds, nothing is cut, nothing lacks a name."""
+    """Check the three entry points and pictures, a working search, no clipped text, and a name for every control."""
     for name, page in VIEWED.items():
         for size, scheme in (("desk", "light"), ("phone", "dark")):
             watched = Watched(browser, (site / page).as_uri(), size, scheme, offline=True, noise=("error",))

@@ -13,7 +13,7 @@ PAIRS = [(r, w) for r in ("R1", "R2") for w in ("W1", "W2")]
 
 
 def _numbers(path, skip):
-    """Numbers of every line; the first ``skip`` cells and empty ones are left out."""
+    """Return the numbers of every line without the first ``skip`` cells and empty ones."""
     lines = [line.split(",")[skip:] for line in path.read_text().splitlines()]
     return [[float(cell) for cell in cells if cell.strip()] for cells in lines]
 

@@ -1,4 +1,4 @@
-"""A part that nobody was told of, on a table beside a clamp, and a hand above it: for tests and benchmarks."""
+"""A part at an unknown pose on a table beside a clamp, and a hand above it: for tests and benchmarks."""
 
 from __future__ import annotations
 
@@ -47,14 +47,15 @@ class Unknown:
 def unknown_scene(targets, number, rng, *, known=True, cell=None, rest=None) -> Unknown:
     """Return one of the targets, in any rotation on the table, its place drawn from the prior.
 
-    With ``told`` false nobody knows of the clamp. ``rest`` is how the part lies, a rotation; upright if not given.
+    With ``known`` false the planner has no model of the clamp. ``rest`` is the rotation of the part on the table;
+    upright if not given.
     """
     part, rest = targets[number].part, np.eye(3) if rest is None else rest
     T_rough = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)])), np.zeros(3))
     T = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, SDS[5] * rng.normal()])) @ T_rough[:3, :3] @ rest, np.zeros(3))
     T[2, 3] = -SE3.apply(T, part.vertices)[:, 2].min()
     centre = SE3.apply(T, part.centroid)
-    # the place is drawn about the truth: as wrong as it is said to be
+    # the place is drawn about the truth, with the error that the prior states
     tilt = SO3.exp(SDS[3:] * [1, 1, 0] * rng.normal(size=3))
     T_world_place = SE3.from_parts(T_rough[:3, :3] @ tilt @ rest, centre + SDS[:3] * rng.normal(size=3))
     spread = np.kron(np.eye(2), rest.T) @ np.diag(SDS**2) @ np.kron(np.eye(2), rest)

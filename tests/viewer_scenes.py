@@ -43,7 +43,7 @@ def maker(targets, **stop):
 
 
 class Person:
-    """A page that nobody draws: remembers what it was given, and wants one thing whenever the player waits."""
+    """A page without a display: it records what it gets, and sends one command whenever the player waits."""
 
     def __init__(self, *wants):
         self.wants, self.player = list(wants), None

@@ -99,7 +99,7 @@ def random_shot(models, rng, hidden=0.0, other=None, noise=1.0):
     """Return a picture of one of the models or of another part, with a hidden share and a factor of the noise."""
     model = other or models[int(rng.integers(len(models)))]
     camera = table_camera(rng.uniform(0.5, 0.7), rng.uniform(5, 35), rng.uniform(-180, 180))
-    camera = replace(camera, edge_sd=0.0)  # a rendered image is as the camera is told to be
+    camera = replace(camera, edge_sd=0.0)  # a rendered image has exactly the stated camera
     rest, T = lying(model, rng)
     rendering = random_rendering(rng)
     rendering = replace(rendering, noise=noise * rendering.noise)

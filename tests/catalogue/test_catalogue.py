@@ -360,7 +360,7 @@ def test_coarse_fields_are_cached_and_made_anew_if_damaged(tmp_path, monkeypatch
         assert kept.read_bytes() == whole
     kept.unlink()
     monkeypatch.setattr("tanteo.catalogue.signatures._field", lambda part, shape: (grid, levels[:-1]))
-    field()  # an entry as it was written, of other content
+    field()  # an entry with the original name and other content
     monkeypatch.undo()
     monkeypatch.setenv("TANTEO_CACHE", str(tmp_path / "cache"))
     np.testing.assert_array_equal(field()[1], levels)

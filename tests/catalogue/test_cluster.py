@@ -217,7 +217,7 @@ def test_processes_end_when_who_began_them_was_killed():
             children, before = own.children(recursive=True), []
             while len({*children} & {*before}) < 3 and begun.poll() is None:  # scheduler, nanny, worker
                 assert time.monotonic() < patience
-                time.sleep(1)  # a process that asks for the hardware lives for a moment only
+                time.sleep(1)  # a process that queries the hardware lives for a moment only
                 children, before = own.children(recursive=True), children
             assert len(children) >= 3
         finally:

@@ -1,4 +1,4 @@
-"""The whole way, from files to answer: a known part at a known pose is found within what the answer says."""
+"""The complete path from files to answer: a known part at a known pose is found within the stated covariance."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_a_robot_s_base_error_widens_the_pose(answer):
 
 
 def test_parts_that_are_not_listed_are_named_in_the_message(run):
-    """Two parts fit equally; one hypothesis is asked for."""
+    """Two parts fit equally; one hypothesis is requested."""
     readings = str(EXAMPLES / "readings" / "step_not_felt.csv")
     words = ("identify", readings, "--parts", str(EXAMPLES / "parts"), "--sd", "0.3mm")
     for top in (1, 5):

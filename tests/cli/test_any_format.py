@@ -1,4 +1,4 @@
-"""Logs of others on the command line: the same answer as of a table, and what has to be said first."""
+"""Logs of other programs on the command line: the same answer as from a table, and the options that each log needs."""
 
 from __future__ import annotations
 

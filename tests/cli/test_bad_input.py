@@ -1,4 +1,4 @@
-"""What people get wrong. Every case: its exit code, a message that says so, no traceback, no answer on stdout."""
+"""Errors of users: each case has its exit code and a message, no traceback, and no answer on stdout."""
 
 from __future__ import annotations
 

@@ -121,7 +121,7 @@ class Machine:
         along, gone = (goal - self.at) / way, 0.0
         while (gap := self.gap(self.at + gone * along)) > 1e-7:
             gone += gap
-            assert gone < way, "nothing was met"
+            assert gone < way, "no contact"
         self.at = self.at + gone * along
         tripped = 1e3 * (self.at + self.rng.normal(size=3) * 2e-5)
         self.log.append(" ".join(f"{v:f}" for v in [*tripped, *[0.0] * 6]))
@@ -134,7 +134,7 @@ def probe_log(log):
 
 @pytest.mark.parametrize("controller", ["linuxcnc", "grbl"])
 def test_a_planned_program_finds_the_part_again(run, models, tmp_path, controller):
-    """NEES of three placements below what a chi-square of 18 passes once in ten thousand; the log is read as it is."""
+    """NEES of three placements is below the 1e-4 quantile of a chi-square of 18; the log is read unchanged."""
     log = tmp_path / "log.txt"
     got = run(*PLAN, "--pose-prior", PRIOR, "--program", controller)
     assert got.code == 0

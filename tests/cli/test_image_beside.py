@@ -52,7 +52,7 @@ def few(tmp_path):
 
 
 def shares(run, *args):
-    """Probability of every part, and what was said."""
+    """Return the probability of every part, and the message."""
     done = run("identify", *args, "--sd", "0.1mm", "--json")
     assert done.out, done.err
     out: dict[str, float] = {}

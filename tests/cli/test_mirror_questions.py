@@ -1,4 +1,4 @@
-"""Readings whose columns were exchanged are of the part in a mirror: that is asked, and of no others."""
+"""Readings with exchanged columns fit the mirrored part and raise a question; other readings raise none."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_inward_normals_raise_a_question(run, tmp_path):
 
 
 def question(answer):
-    """A question of too few points for a trial fit, and its answer."""
+    """Return a stand-in for a question with too few points for a trial fit, and its answer."""
     return SimpleNamespace(
         problem=lambda readings, parts: (Problem(ContactPoints.none(), FreeRays.none(), Priors()), Candidates(parts)),
         answer=lambda readings, parts, *, bias_sd=None: answer(readings, parts),

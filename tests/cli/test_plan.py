@@ -1,4 +1,4 @@
-"""``tanteo plan``: tables, files, and what is said of misuse."""
+"""``tanteo plan``: tables, files, and the messages for misuse."""
 
 from __future__ import annotations
 

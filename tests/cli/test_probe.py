@@ -133,7 +133,7 @@ def test_a_signal_stops_the_machine_and_keeps_the_readings(run, cell, name, tmp_
 
 
 def press(fake, seconds: float = 0.5) -> None:
-    """Push the stylus once, some time after the command has begun to ask for it."""
+    """Push the stylus once, some time after the command has begun to wait for it."""
     while not fake.received:
         time.sleep(0.01)
     time.sleep(1.0)

@@ -1,4 +1,4 @@
-"""The command on recordings of ROS: a sensor that moves past a part, with a delay that its motion tells."""
+"""The command on recordings of ROS: a sensor that moves past a part, with a delay that its motion determines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tanteo replay``: the answer again, whether it is the same, and what each reading told."""
+"""``tanteo replay``: the same answer again, and the gain of each reading."""
 
 from __future__ import annotations
 

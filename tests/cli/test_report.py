@@ -1,4 +1,4 @@
-"""``--report``: the file, what is said about it, and names that cannot be meant."""
+"""``--report``: the file, the message about it, and invalid names."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 @pytest.fixture
 def ended_session(tmp_path, parts):
-    """Touches all around the block, and the arguments to ask where it is."""
+    """Return the arguments that locate the block from touches on all sides."""
     rng = np.random.default_rng(2)
     local = np.array([[90, 20, 5], [90, 30, 12], [70, 50, 6], [20, 50, 14], [60, 50, 9], [70, 20, 20], [10, 30, 20],
                       [0, 10, 10], [0, 40, 6], [30, 0, 15], [80, 0, 5], [20, 10, 0], [75, 40, 0]])  # fmt: skip
@@ -44,7 +44,7 @@ def test_beside_json_only_the_document_is_on_standard_output(run, ended_session,
     ("name", "code"), [("report.pdf", 2), ("report", 2), (".html", 2), ("nowhere/report.html", 1), ("folder.html", 1)]
 )
 def test_an_impossible_report_is_refused_before_any_work(run, ended_session, tmp_path, monkeypatch, name, code):
-    """A name of another kind is misuse; a folder that is not there, or is of that name, is a failure."""
+    """A name with another suffix is misuse; a missing folder, or a folder with that name, is a failure."""
     (tmp_path / "folder.html").mkdir()
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("tanteo.io.read_readings", lambda path: pytest.fail("work was done"))

@@ -1,4 +1,4 @@
-"""``tanteo see``: the example images as a new user would look at them, and what is refused."""
+"""``tanteo see``: the example images as a new user opens them, and what is refused."""
 
 from __future__ import annotations
 

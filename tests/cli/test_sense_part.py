@@ -52,7 +52,7 @@ def test_json_is_one_document_and_the_record_gives_it_again(sense, tmp_path):
     assert document["status"] == "recognized"
     best = document["hypotheses"][0]
     assert best["part"] == "bracket_left"
-    # the scene has it at (-25, -50, 0) mm, turned by 14 degrees; not farther away than what is said of the pose allows
+    # the scene has it at (-25, -50, 0) mm, turned by 14 degrees; no farther away than the stated prior allows
     true = SE3.from_parts(SO3.exp(np.radians([0, 0, 14])), [-0.025, -0.05, 0])
     matrix = np.array(best["pose"]["matrix"])
     xi = SE3.log(SE3.inverse(matrix) @ true)
@@ -165,7 +165,7 @@ def test_an_interruption_keeps_the_record_of_the_readings(sense, run, tmp_path, 
 
 @pytest.mark.parametrize("suffix", ["json", "csv"])
 def test_the_record_is_there_before_the_end(sense, tmp_path, monkeypatch, suffix):
-    """Who is killed or loses power has what was told until then."""
+    """A killed process or a power loss keeps all readings up to then."""
     record = tmp_path / f"session.{suffix}"
     counts = []
 

@@ -106,7 +106,7 @@ def on_terminal(args, **env):
     while True:
         try:
             piece = os.read(reader, 65536)
-        except OSError:  # Linux says EIO at the end of a terminal
+        except OSError:  # Linux returns EIO at the end of a terminal
             break
         if not piece:
             break

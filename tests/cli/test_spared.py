@@ -1,4 +1,4 @@
-"""No command writes over what it reads, and none goes on without a part that was asked for by name."""
+"""No command overwrites its input, and none goes on without a part that the user named."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files to write are asked for before the long work, and streams that end are no reason to lose them."""
+"""Output files are checked before the long work, and they survive a closed stream."""
 
 from __future__ import annotations
 

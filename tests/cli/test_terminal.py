@@ -1,4 +1,4 @@
-"""What a terminal sees: tables as wide as it is, completion, progress on standard error alone."""
+"""Output on a terminal: tables as wide as the terminal, completion, progress on standard error alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Units that were mixed up are asked about on the command line."""
+"""Mixed-up units raise a question on the command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tanteo view``: what is refused, what is said without viser, and that scene, example and record become a page."""
+"""``tanteo view``: what is refused, the message without viser, and the pages of scene, example and record."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def test_a_mesh_far_from_its_origin(run, touches, tmp_path, parts):
 
 
 def test_a_folder_that_may_not_be_read(run, parts, touches, monkeypatch):
-    """It is said, without a traceback; root may read all, so that the system's answer is played."""
+    """It is reported, without a traceback; root may read all, so the test simulates the system's answer."""
     locked, real = parts / "locked", os.scandir
     locked.mkdir()
 

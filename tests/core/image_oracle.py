@@ -1,4 +1,4 @@
-"""What the core says of edges in images, in plain NumPy: which are seen, what they meet, the pose, slid drawings."""
+"""Image factors of the core in plain NumPy: visible edges, their hits, the pose, slid drawings."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Scene:
 
     @property
     def image(self):
-        """What the core asks of the image."""
+        """Return the columns of the image that the core needs."""
         return self.camera.numbers, self.nearest, self.pixels, self.sds
 
 
@@ -63,7 +63,7 @@ def scene(seed, lens):
 
 
 def see(s, Ts, hidden):
-    """Return which samples are visible, and which of them are on the outline."""
+    """Return which samples are visible, and which visible samples are on the outline."""
     eye = SE3.inverse(Ts)[:, :3, 3]
     ahead = np.einsum("bnj,nkj->bnk", eye[:, None] - s.points, s.normals) > 0
     rims = ahead[..., 0] ^ ahead[..., 1]
@@ -164,7 +164,7 @@ class Sliding:
     penalty: float
 
     def cells(self, pixels):
-        """Columns and rows of what is so far from a place; the end of the margin for what is beyond."""
+        """Return columns and rows at a distance from a place; the end of the margin for those beyond."""
         at = np.nan_to_num(pixels / self.cell + self.margin, nan=0.0)
         return np.rint(at.clip(0, 2 * self.margin - 1)).astype(int)
 

@@ -1,7 +1,7 @@
-"""The likelihood once more, in plain NumPy, from its formulas: what the compiled core has to agree with.
+"""The likelihood again, in plain NumPy, from its formulas: the compiled core must agree with it.
 
-Every term is a sum over what a point may have met, of densities over that of an outlier. ``Cuts`` are the distances in
-standard deviations at which the core stops looking; without them the terms are as the mathematics has them.
+Every term is a sum over the faces, edges or corners that a point may be on, of densities relative to an outlier's.
+``Cuts`` are the distances in standard deviations at which the core stops the search; without them the terms are exact.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from core.oracle_shape import Flat, any_across, cast, flats_of, share, tangent_p
 
 @dataclass(frozen=True)
 class Cuts:
-    """Where the core stops looking, as documented in likelihood.cpp; ``box`` is of the boxes of its tree."""
+    """Cut-off distances of the core, as documented in likelihood.cpp; ``box`` refers to the boxes of its tree."""
 
     reach: float = 6.0
     seen: float = 5.0
@@ -68,7 +68,7 @@ class Oracle:
         return every
 
     def hits(self, j, T, z):
-        """Faces, edges or corners that a point may have met, with densities over that of an outlier."""
+        """Return the faces, edges or corners that a point may be on, with densities relative to an outlier's."""
         q, R = self.q, T[:3, :3]
         D = q.shared_jacobian.shape[2]
         p = R.T @ (q.points[j] + q.shared_jacobian[j] @ z[:D] - T[:3, 3])
@@ -137,7 +137,7 @@ class Oracle:
         return share(flat.outline, frame @ (p - flat.origin) - along * gap, spread, self.cuts.seen)
 
     def _aimed(self, n, d, side):
-        """Undirected points are even over the area, on their side; a beam meets a face by the cosine of incidence."""
+        """Return the density by direction: uniform over the area for points, by the cosine of incidence for beams."""
         if not d.any():
             return -np.log(self.area) + (np.log(BACK_FACE) if n @ side < -CLEARLY else 0.0)
         return np.log(max(-n @ d, GRAZING) if n @ d < 0 else BACK_FACE)
@@ -212,7 +212,7 @@ class Oracle:
         return hits
 
     def blocked(self, j, p, d, C):
-        """Return whether all of five rays along the free-space ray before a hit meet the part early."""
+        """Return whether all of five rays along the free-space ray before a hit reach the part early."""
         if not (self.q.free_reach[j] > 0 and d.any()):
             return False
         sd = np.sqrt(d @ C @ d)
@@ -257,7 +257,7 @@ class Oracle:
         return self.lengths[k] / self.lengths.sum() if k < len(self.lengths) else 1 / len(self.body.corners)
 
     def log_rays(self, T, z):
-        """Paths on which nothing was met: half of a cone passes with its middle, an eighth with each of four rays."""
+        """Return the log likelihood of free paths: half of a cone by its middle ray, an eighth by each of four rays."""
         q, log, rate = self.q, 0.0, self.q.mean_rate
         D = q.shared_jacobian.shape[2]
         for k, (*od, length, slope, least_cosine) in enumerate(q.rays):

@@ -13,7 +13,7 @@ PARALLEL, BESIDE, TURN = 1e-3, 1e-3, 1e-3
 
 @dataclass(frozen=True)
 class Touch:
-    """One thing that a ball is on: a flat, or an edge or a vertex (``flat`` None)."""
+    """One contact of a ball: on a flat, or on an edge or a vertex (``flat`` None)."""
 
     flat: object
     face: int

@@ -106,7 +106,7 @@ def share(outline, mean, spread, seen):
     """Return the mass of a normal density in an outline: winding number minus the mass beyond each edge.
 
     Beyond an edge, and within the angle that it takes up, are two of Owen's T. Edges whose line, or whose nearer end
-    along it, is farther than ``seen`` standard deviations are left out; ends that are farther do not count as ends.
+    along it, is farther than ``seen`` standard deviations are excluded; ends that are farther do not count as ends.
     """
     widest = np.sqrt(np.linalg.eigvalsh(spread)[-1])
     corners = outline.reshape(-1, 2)

@@ -15,7 +15,7 @@ RADIUS = 0.1
 
 
 NAMES = "surface_point", "edge_point", "corner_point", "axis_centre", "surface_point", "sphere_centre", "cone_apex"
-"""Kinds of measurements of the oracle, by number; the fifth is of a face that is not flat."""
+"""Kinds of measurements of the oracle, by number; the fifth is on a face that is not flat."""
 
 
 def fields_before_shared():
@@ -25,7 +25,7 @@ def fields_before_shared():
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """Measurements as columns, whatever their kind; the oracle reads these."""
+    """Measurements as columns, for all kinds; the oracle reads these."""
 
     points: np.ndarray
     covs: np.ndarray
@@ -81,7 +81,7 @@ class Question:
         else:
             own |= {"sizes": self.circles[:, 0], "size_sds": self.circles[:, 1], "material_sides": self.circles[:, 2]}
             own |= {"offsets": self.radii}
-        alone = len(rows) == len(self.kinds)  # as it is, also where its shape is wrong
+        alone = len(rows) == len(self.kinds)  # unchanged, also where its shape is wrong
         return {n: np.ascontiguousarray(c if alone else c[rows], dtype=float) for n, c in own.items()}
 
     @property
@@ -148,7 +148,7 @@ def anisotropic(q, rng):
 
 
 def directed(q, normals, rng, *, free_reach=0.0):
-    """Beams that come from about where the surface looks; some from behind."""
+    """Return a question with beams from about the outward side of the surface; some from the back."""
     d = -normals + 0.5 * rng.normal(size=normals.shape)
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     return replace(

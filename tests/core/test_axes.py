@@ -27,7 +27,7 @@ def _body(rng):
 
 
 def _centres(body, rng, n=12):
-    """Centres near the axes, with their axes, radii and sides; of each some that are not told."""
+    """Return centres near the axes, with their axes, radii and sides, some of each not stated."""
     T, rows = random_pose(rng), rng.integers(len(body.axes), size=n)
     a, b = body.axes[rows, :3], body.axes[rows, 3:6]
     lines = body.axes[rows, 11:] == 3

@@ -1,7 +1,7 @@
 """The core neither crashes nor hangs nor returns nan: damaged meshes, strange questions, wrong arrays.
 
 ``make sanitize`` runs these on a core that is watched for bad accesses and undefined behaviour. TANTEO_FUZZ is how many
-random questions are asked.
+random questions are used.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Edges in images: which the core sees, what they meet, and where they meet best, against plain NumPy."""
+"""Edges in images: the visible ones, their hits, and their best positions, against plain NumPy."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_what_cannot_be_meant_is_refused():
     for k, value in enumerate(wrong):
         with pytest.raises(ValueError, match="expected"):
             _core.meet_edges(frame, *[value.copy() if j == k else right[j] for j in range(6)], REACH)
-    far = np.full_like(s.nearest, 10**6)  # of another image: no edge point is met, and no memory beyond is read
+    far = np.full_like(s.nearest, 10**6)  # of another image: there is no hit, and no memory beyond is read
     _, which, _ = _core.meet_edges(frame, s.camera.numbers, far, *right[2:], REACH)
     assert (which == -1).all()
     right = [s.Ts, s.Ts, np.zeros((5, 6, 6)), np.ones(3), np.ones(3, bool)]

@@ -160,7 +160,7 @@ def test_a_constant_is_taken_about_each_pose(scene):
 
 
 def test_its_slope_is_that_of_differences(scene):
-    """Within the noise of edge points: the slope leaves out that lengths and directions of edges follow the pose."""
+    """Within the noise of edge points: the slope ignores that lengths and directions of edges follow the pose."""
     model, camera, _, _, factor, T = scene
     term, c = factor.term(model.part, 2), model.part.centroid
     off = np.array([2e-4, -1e-4, 3e-4, 1e-3, 0.0, -1e-3])
@@ -191,7 +191,7 @@ def test_its_slope_is_that_of_differences(scene):
 
 
 def test_a_motion_of_the_camera_is_one_of_the_part(scene):
-    """The camera moved by its errors sees the same as with the part moved back."""
+    """A camera moved by its errors gives the same image as a part moved back."""
     model, camera, edges, _, factor, T = scene
     term = factor.term(model.part, 0)
     z = np.random.default_rng(3).normal(size=6)

@@ -168,7 +168,7 @@ def _felt(q, normals, rng):
 @pytest.mark.parametrize("opened", [False, True], ids=["closed", "open"])
 @pytest.mark.parametrize("name", [*FLAT, "tent", "star"])
 def test_balls_about_vertices_agree_with_the_oracle(name, opened, make):
-    """Convex vertices are met; those with a concave edge, or at the border of an open mesh, are not."""
+    """Convex vertices can be touched; those with a concave edge, or at the border of an open mesh, cannot."""
     body, rng = {**BODIES, "tent": tent(), "star": tent(low=-0.025)}[name], np.random.default_rng(8)
     if opened:
         rows = np.arange(len(body.triangles)) > 0

@@ -1,4 +1,4 @@
-"""What a reading tells about a group, against the same sums of pairs written out in NumPy."""
+"""Information of a reading about a group, against the same sums of pairs written out in NumPy."""
 
 from __future__ import annotations
 

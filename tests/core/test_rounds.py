@@ -1,4 +1,4 @@
-"""Fits of round features in the core: what cannot be meant is refused, what says nothing does not crash."""
+"""Fits of round features in the core: invalid input is refused, uninformative input does not crash."""
 
 from __future__ import annotations
 

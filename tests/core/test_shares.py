@@ -16,7 +16,7 @@ from core.questions import anisotropic, point_question, random_pose, touched
 from tanteo import _core
 
 CUT = norm.sf(5)
-"""Most that leaving out one edge farther than five standard deviations changes a share."""
+"""Largest change of a share by an excluded edge farther than five standard deviations."""
 
 
 def sheet(outline):

@@ -1,4 +1,4 @@
-"""The posterior is what it says: ranks of the truth among its samples are uniform, errors are as large as told.
+"""The posterior is calibrated: ranks of the truth among its samples are uniform, errors follow the covariance.
 
 Truths are drawn from what is assumed: poses anywhere, points even over the surface, normal noise, some outliers.
 """

@@ -1,4 +1,4 @@
-"""Features as points: the points say what the features say, no more and no less."""
+"""Features as points: the points carry exactly the information of the features."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ def test_density_and_slopes_are_those_of_the_formula(block, rate, analytic):
 
 
 def test_a_gauge_decides_what_three_touches_leave_open(block):
-    """Two readings of points of the part beside points of one face: the pose is known as Bayes says."""
+    """Two readings of points of the part beside points of one face: the pose has the covariance of Bayes' rule."""
     rng = np.random.default_rng(4)
     T = box_centred_pose(rng)
     touches = scene(block, T, TOUCH, 12, rng)[0]
@@ -108,7 +108,7 @@ def test_a_factor_that_is_an_outlier_does_not_move_the_answer(block):
 
 
 def test_poses_that_a_factor_proposes_are_tried(block):
-    """Three points fix no pose by themselves; a factor that knows it proposes it."""
+    """Three points fix no pose by themselves; a factor that has the pose proposes it."""
     rng = np.random.default_rng(6)
     T = box_centred_pose(rng)
     calls = []

@@ -54,7 +54,7 @@ def test_p_values_are_uniform_on_a_plane():
     n, p = 400, {"all": [], "bend": [], "worst": []}
     for seed in range(n):
         report, bend, _ = fitted(drawn(places, row, np.random.default_rng(seed)), row)
-        assert bend.dof == 2  # two straight rows tell two of the three: no curvature across them
+        assert bend.dof == 2  # two straight rows determine two of the three: no curvature across them
         for name, value in zip(p, (report.p_value, bend.p_value, report.p_worst), strict=True):
             p[name].append(value)
     low, high = binom.ppf([0.001, 0.999], n, 0.1)

@@ -175,7 +175,8 @@ def test_edges_and_vertices_by_their_kind():
 
 
 def test_a_tip_error_with_turning_hand_is_not_taken_for_scatter():
-    """A tip beside where it is believed and a hand that turns between touches are said beforehand: nothing is wrong."""
+    """A tip off its stated place and a hand that rotates between touches are part of the stated errors: no
+    rejection."""
     tip_sd, wrong = np.array([1.5e-3, 1.5e-3, 0.3e-3]), 0
     for seed in range(100):
         rng = np.random.default_rng(seed)

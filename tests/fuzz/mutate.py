@@ -11,11 +11,11 @@ WORDS = (
     b"9223372036854775808", b"99999999999999999999", b"\r", b"\n\n", b";", b",", b"\t", b'"', b"'", b"<", b"]]>", b"[",
     b"{", b"}", b"()", b"#", b"=", b"&amp;", b"*a", b"&a", b"\xc3", b"\xed\xa0\x80", b"../../etc", b"None", b"true",
 )  # fmt: skip
-"""What stands where nobody expects it."""
+"""Values at unexpected places."""
 
 NUMBER = re.compile(rb"-?\d+(?:\.\d+)?")
 LARGE = 60_000
-"""Only so much of a file is spoiled at a time: its beginning says what it is."""
+"""Largest damaged length of a file at a time: its beginning identifies it."""
 
 
 def mutated(content: bytes, rng) -> bytes:

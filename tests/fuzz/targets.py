@@ -63,7 +63,7 @@ def read_catalogue(path):
 
 
 def read_log(path):
-    """Whatever other programs write, told what it needs."""
+    """Read a log of another program with the options that it needs."""
     tanteo.read_readings(path, **CASES[path.name][2])
 
 

@@ -27,7 +27,7 @@ def outcome(reader, path):
         text = str(error)
         word = "refused" if text.strip() and len(text) < 2000 else "mute or endless message"
         return word, text[:300]
-    except BaseException:  # noqa: BLE001 - which one it is, is what is asked
+    except BaseException:  # noqa: BLE001 - the caller needs the exception
         return "traceback", traceback.format_exc()
     return "read", ""
 

@@ -1,4 +1,4 @@
-"""Recordings of ROS: what they say in the world at their stamps, whatever stores them; what is wrong with them."""
+"""Recordings of ROS: poses in the world at their stamps for every storage format; damaged recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Centres of holes and bosses in tables and reports: which rows they are, what is said, what is refused."""
+"""Centres of holes and bosses in tables and reports: their rows, messages, and what is refused."""
 
 from __future__ import annotations
 

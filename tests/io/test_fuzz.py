@@ -1,4 +1,4 @@
-"""Whatever the bytes are: readings, or an error of ours that names the file. Never another exception."""
+"""Any bytes give readings or a tanteo error that names the file, never another exception."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def test_what_each_controller_reads():
 
 
 def drawn(frame, count, rng):
-    """Poses as the covariance says, and their errors."""
+    """Return poses drawn from the covariance, and their errors."""
     xi = rng.normal(size=(count, 6)) @ np.linalg.cholesky(frame.C).T
     return frame.T @ SE3.exp(xi)
 

@@ -1,4 +1,4 @@
-"""What is known of a pose, typed or in a file: what it says becomes a prior, and what it cannot say is refused."""
+"""Prior knowledge of a pose, typed or in a file: it becomes a prior, and invalid text is refused."""
 
 from __future__ import annotations
 

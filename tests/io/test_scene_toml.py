@@ -1,4 +1,4 @@
-"""Scene files: what they say becomes a scene, and what they cannot say is refused by name."""
+"""Scene files: valid content becomes a scene, and invalid content is refused by name."""
 
 from pathlib import Path
 

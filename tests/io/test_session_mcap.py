@@ -29,7 +29,7 @@ def target():
 
 @pytest.fixture
 def session(target):
-    """Two ranges that were asked for, and one beam beside the part."""
+    """Two planned ranges, and one beam beside the part."""
     rng = np.random.default_rng(4)
     start = rough([target])
     _, T = drawn_truth(start, rng)

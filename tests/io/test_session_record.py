@@ -37,7 +37,7 @@ def targets():
 
 
 def plain_touches(targets):
-    """Two parts of unequal probability, readings nobody asked for, one that was told before."""
+    """Return a session with two parts of unequal probability, unplanned readings, and one repeated reading."""
     rng = np.random.default_rng(4)
     start = replace(rough(targets), weights=np.array([0.51, 0.9]))
     k, T = drawn_truth(start, rng)

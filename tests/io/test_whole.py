@@ -101,7 +101,7 @@ READ = "import sys, tanteo; print(tanteo.read_image(sys.argv[1]).shape)"
 
 
 def test_an_image_larger_than_memory_is_refused(tmp_path):
-    """In a process of its own: OpenCV asks for its limit when it is loaded."""
+    """It runs in its own process: OpenCV reads its limit when it is loaded."""
     pytest.importorskip("cv2", reason="the extra tanteo[vision] is not installed")
     path = tmp_path / "image.png"
     path.write_bytes(png(30_000, 30_000, 1))

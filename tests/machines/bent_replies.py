@@ -208,7 +208,7 @@ def run(kind: str, bending: Bending) -> tuple[str, str]:
 
 
 def replies(kind: str) -> int:
-    """Number of replies of a run that nothing bends."""
+    """Return the number of replies of a run without changed replies."""
     bending = Bending(10**9, False, np.random.default_rng(0))
     assert run(kind, bending)[0] == "read"
     return bending.count

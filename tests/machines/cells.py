@@ -68,7 +68,7 @@ def grbl_on_a_port(there: World, start: np.ndarray, faults: Faults, speedup: flo
 
 @contextmanager
 def robot(start=START, **how):
-    """A Universal Robot and its fake."""
+    """Yield a Universal Robot and its fake."""
     fake = UrFake(world(), start, **how)
     try:
         links = [TcpLink("127.0.0.1", port) for port in fake.ports]
@@ -101,7 +101,7 @@ def driver(
 
 @contextmanager
 def cell(name: str, there: World | None = None, start=START, faults: Faults = NO_FAULTS, speedup: float = np.inf):
-    """A driver and its fake, which has the tip; the direct one is its own."""
+    """Yield a driver and its fake, which has the tip; the direct one is its own."""
     there = world() if there is None else there
     if name == "fake:direct":
         machine = DirectMachine(there, start, speedup=speedup)

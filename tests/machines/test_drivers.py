@@ -99,7 +99,7 @@ def test_a_frame_is_read_back(cell, monkeypatch):
     with cell() as (machine, fake):
         machine.write_frame(FRAME, 5.0)
         assert np.allclose(fake.modal.offsets[2], [0.0125, -0.003, 0.00425])
-        monkeypatch.setattr(type(fake.modal), "set_offset", lambda modal, block: None)  # it says ok and does nothing
+        monkeypatch.setattr(type(fake.modal), "set_offset", lambda modal, block: None)  # it answers ok and does nothing
         with pytest.raises(MachineError, match="read back"):
             machine.write_frame(FRAME.replace("12.5", "13.5"), 5.0)
 

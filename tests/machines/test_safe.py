@@ -130,9 +130,9 @@ def test_a_contact_on_a_path_is_released_again():
 def test_nothing_moves_after_a_stop():
     one = safe()
     one.move(at(30, 20, 60))
-    one.abort("somebody said so")
+    one.abort("by a test")
     for motion in (lambda: one.move(at(0, 0, 60)), lambda: one.sense(DOWN, 0.01), lambda: one.write_frame("G10")):
-        with pytest.raises(StoppedError, match="somebody said so"):
+        with pytest.raises(StoppedError, match="by a test"):
             motion()
 
 

@@ -1,4 +1,4 @@
-"""Meshes that do not close, with three triangles at an edge, bodies in each other: repaired, or taken as they are."""
+"""Meshes that are open, have three triangles at an edge, or intersect: repaired, or used unchanged."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_a_wall_that_stands_out_stays(solids, read_mesh):
 @pytest.mark.parametrize("seed", [None, 0, 1])
 def test_bodies_that_touch_at_an_edge_come_apart(solids, read_mesh, seed):
     vertices, triangles = joined(solids.box(), (solids.box()[0] + [80, 60, 0], solids.box()[1]))
-    if seed is not None:  # whatever the winding
+    if seed is not None:  # for any winding
         flips = np.random.default_rng(seed).random(len(triangles)) < 0.5
         triangles[flips] = triangles[flips, ::-1]
     part = read_mesh(vertices, triangles)

@@ -1,4 +1,4 @@
-"""Exact readings told at once and one by one: the same belief, and a true one."""
+"""Exact readings given at once and one by one: the same posterior, and a calibrated one."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_exact_touches_given_at_once_place_the_part():
 
 @pytest.mark.parametrize("seed", [2, *(pytest.param(k, marks=pytest.mark.slow) for k in (3, 6))])
 def test_the_order_of_readings_does_not_matter(seed):
-    """Told one by one, backwards, and at once: one pose, within what is known of it."""
+    """One by one, in reverse order, and at once: one pose, within its uncertainty."""
     target = prepare(read_part(PARTS / "bracket_left.step"))
     start, _, touches = touched(target, seed, 10)
     at_once = update(begin(start), touches, no_paths())

@@ -45,14 +45,14 @@ def test_every_beam_meets_its_face_first_at_the_stand_off(state, probe):
 
 
 def test_starts_and_ways_in_keep_clear_of_the_part(state):
-    """Exactly, although the room is looked up on a grid; and some would be too near."""
+    """Clearance is exact, although a grid stores it; and some candidates would be too near."""
     thick = replace(NARROW, clearance=0.012)
     c, surface = propose(state, thick, 400), state.target(0).surface
     back = np.linspace(0, thick.retreat, 30)
     way = c.origins[:, None] - back[:, None] * c.directions[:, None]
     gaps = surface.closest(on_part(state, way.reshape(-1, 3))).distances
     assert len(c) > 20
-    assert np.abs(gaps).min() > 0.012 - 2e-3  # between the four places that are looked at
+    assert np.abs(gaps).min() > 0.012 - 2e-3  # between the four places that are evaluated
     assert len(c) < len(propose(state, replace(NARROW, clearance=1e-4), 400))
     inside = SE3.apply(state.poses[0], state.target(0).part.vertices[:1])
     bad = Candidates(inside, np.array([[0.0, 0.0, -1.0]]), np.zeros(1, int), np.zeros(1, int), np.ones(1))
@@ -90,7 +90,7 @@ def over_the_top(state, gap, thick=0.01):
 
 @pytest.mark.parametrize("probe", [replace(LASER, standoff=0.08), replace(TOUCH, standoff=0.08)])
 def test_no_way_to_the_part_leads_through_a_forbidden_box(state, probe):
-    """A plate between the starts and the part: the starts have room, the ways have not; a touch keeps its clearance."""
+    """A plate between the starts and the part: the starts are clear, the paths are not; a touch keeps its clearance."""
     plate = over_the_top(state, 0.03)
     free, kept = (propose(state, replace(probe, workspace=Workspace.everywhere(f)), 400) for f in ((), [plate]))
     for c, max_measurements in ((free, 0.5), (kept, 0.0)):
@@ -105,7 +105,7 @@ def test_no_way_to_the_part_leads_through_a_forbidden_box(state, probe):
 
 
 def test_a_touch_stays_inside_the_workspace_its_beam_need_not(state):
-    """The far half of the part is out of bounds; starts before it have room."""
+    """The far half of the part is out of bounds; starts before it are clear."""
     middle = SE3.apply(state.poses[0], state.target(0).part.centroid)[2]
     for probe, out in ((TOUCH, False), (replace(TOUCH, contact=False), True)):
         c = propose(state, replace(probe, workspace=Workspace.above(middle)), 400)
@@ -149,7 +149,7 @@ def test_clearance_holds_for_every_mode_if_unknown_is_probable():
 
 
 def test_readings_nearer_than_the_least_range_are_improbable():
-    """Of new samples of a prior pose; and those that are nearest in the middle are what is left out."""
+    """The test uses new samples of a prior pose; the excluded ones are those nearest to the middle."""
     target, C = prepare(read_part(PARTS / "bracket_left.step")), np.diag(np.repeat([0.01, 0.1], 3) ** 2)
     state, rng, share = begin(at_pose(target, np.eye(4), C)), np.random.default_rng(3), []
     Ts = SE3.exp(rng.normal(size=(1000, 6)) @ np.linalg.cholesky(C).T)

@@ -1,4 +1,4 @@
-"""What readings told, against what can be reckoned by hand: a block, touched squarely on three faces."""
+"""Gains of readings, against values computed by hand: a block, touched squarely on three faces."""
 
 from __future__ import annotations
 

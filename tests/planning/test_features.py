@@ -1,4 +1,4 @@
-"""Faces, edges and corners as candidates: readings that lie there, and what they tell together."""
+"""Faces, edges and corners as candidates: readings that lie there, and their common information."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A named feature that has to keep a tolerance: it counts across itself, and what is said of it is true."""
+"""A named feature with a tolerance: its error counts across itself, and the stated values are right."""
 
 from __future__ import annotations
 

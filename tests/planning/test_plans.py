@@ -21,7 +21,7 @@ from tanteo.sensors import NoiseLaw, Readings, sensor_preset
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 TOUCH = Probe("touch", NoiseLaw.of(3e-4), contact=True, standoff=0.03)
-FARTHER = replace(TOUCH, standoff=0.06)  # with room wherever a large part may lie
+FARTHER = replace(TOUCH, standoff=0.06)  # clear of every pose of a large part
 C = np.diag(np.repeat([5e-3, 0.05], 3) ** 2)
 
 
@@ -176,7 +176,7 @@ def test_a_robot_that_is_off_is_what_limits_the_plan(bracket):
     assert "robot's own error" in found.message
     fewer = plan(
         at_pose(bracket, np.eye(4), C), off, 4e-3, 0.3, max_measurements=1
-    )  # that more readings would do is what is said
+    )  # the message proposes more readings
     assert not fewer.reached
     assert "Allow more readings" in fewer.message
 
@@ -251,7 +251,7 @@ def test_one_reading_distinguishes_twins(names):
 
 
 def test_a_step_is_discriminated_from_its_twin():
-    """The 3 mm are then all in one place; shared out over the part, a beam beside the foot would seem to tell it."""
+    """The 3 mm are then all in one place; spread over the part, a beam beside the foot would seem to decide it."""
     pair = [prepare(read_part(PARTS / f"step_{n}mm.step")) for n in (15, 12)]
     found = discriminate(*pair, LASER)
     for T in (np.eye(4), found.T_first_second):  # the files have one frame
@@ -261,7 +261,7 @@ def test_a_step_is_discriminated_from_its_twin():
 
 
 def test_the_stated_spread_is_that_of_place_and_noise():
-    """Both parts drawn from where they are located: what the reading then says, against what was promised."""
+    """Both parts are drawn from their located poses: the spread of the reading, against the stated one."""
     names, rng, sd = ("step_12mm", "step_15mm"), np.random.default_rng(2), 1e-3
     pair = [prepare(read_part(PARTS / f"{name}.step")) for name in names]
     found = discriminate(*pair, LASER, sd)

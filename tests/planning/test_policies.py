@@ -54,7 +54,7 @@ def test_where_only_the_part_is_wanted_its_entropy_counts(start):
     )
     assert both.index == np.argmax(of_both)
     assert of_part[only.index] > of_part[both.index]
-    assert only.gain == of_both[only.index]  # what it tells in all, by which a session ends
+    assert only.gain == of_both[only.index]  # its total gain, by which a session ends
 
 
 def test_information_counts_by_time_where_time_counts(start):
@@ -115,7 +115,7 @@ def test_the_part_counts_above_all_until_it_is_known(start):
         np.argmax(information)
     ]
     assert chosen[0].index != chosen[2].index
-    assert [c.gain for c in chosen] == [information[c.index] for c in chosen]  # a session ends by all that is told
+    assert [c.gain for c in chosen] == [information[c.index] for c in chosen]  # a session ends by the total gain
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_the_part_counts_above_all_until_it_is_known(start):
     ],
 )
 def test_a_session_states_whether_the_part_is_open(start, weights, probability, part_open):
-    """Before the first reading; what is less probable than all else together is not known, whatever is asked for."""
+    """Before the first reading, a part that is less probable than all others together is open, for every goal."""
     session = new_session(replace(start, weights=np.array(weights)), probability=probability, tolerance=1e-3)
     seen = []
 
@@ -145,7 +145,7 @@ def test_a_session_states_whether_the_part_is_open(start, weights, probability, 
 
 
 def test_one_part_alone_is_distinguished_from_the_unknown(start):
-    """There is no other part to tell it from, and yet readings are worth making."""
+    """There is no other part to exclude, and yet readings are worth their cost."""
     alone = rough(start.targets[2:])
     rng = np.random.default_rng(3)
     _, T = drawn_truth(alone, rng)
@@ -154,7 +154,7 @@ def test_one_part_alone_is_distinguished_from_the_unknown(start):
 
 @pytest.mark.parametrize("policy", ["random", "nearest", "largest-face", "3-2-1"])
 def test_any_policy_ends_where_nothing_is_worth_its_cost(start, policy):
-    """Known to hundredths of a millimetre; what a reading of 0.3 mm would tell is computed for all policies."""
+    """Known to hundredths of a millimetre; the gain of a reading of 0.3 mm is computed for all policies."""
     located = rough(start.targets[2:], (1e-5, 1e-4))
     session = new_session(located, policy=policy, probability=None, tolerance=1e-6)
     end = session.ask()

@@ -1,4 +1,4 @@
-"""How near the truth is said to be, against sampling of another kind."""
+"""Stated distance from the truth, against sampling by another method."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_only_what_is_known_but_for_none_of_these_is_confirmed():
 
 
 def test_what_little_is_left_is_worth_as_many_readings():
-    """Two parts at 0.98 and 0.02: 0.098 nats are left to know, which ten readings of 0.01 tell and nine do not."""
+    """Two parts at 0.98 and 0.02: ten readings of 0.01 nats give the missing 0.098 nats and nine do not."""
     target = prepare(read_part(PARTS / "wedge.step"))
     start = at_place([target, target], np.eye(4), np.diag(np.repeat([1e-3, 1e-3], 3)) ** 2)
     state = replace(begin(replace(start, weights=np.array([0.98, 0.02]))), unknown=0.0)

@@ -1,4 +1,4 @@
-"""What a reading is expected to tell, against simulation."""
+"""Expected gain of a reading, against simulation."""
 
 from __future__ import annotations
 
@@ -98,7 +98,8 @@ def test_shared_errors_of_all_readings_reduce_the_gain():
 
 
 def test_errors_shared_with_earlier_readings_reduce_the_gain(bracket):
-    """Against determinants of pose and shared errors together; the same side again tells of noise alone."""
+    """The reference is determinants of pose and shared errors together; the same side again informs about noise
+    alone."""
     start = at(bracket, (1e-3, 1e-2))
     session = Session(start, LASER, Sensing(sd=3e-4, bias_sd=2e-3), POLICIES["information"], Stop(None, least_gain=0.0))
     for _ in range(8):
@@ -175,7 +176,7 @@ def test_information_about_the_mode_against_simulation(bracket):
     assert len(flat) > 10
     assert np.corrcoef(gain[flat], exact)[0, 1] > 0.97
     assert (gain[flat] < exact + 0.03).all()  # a bound from below, but for the samples
-    assert exact[np.argmax(gain[flat])] > exact.max() - 0.05  # what is chosen by it is as good as the best
+    assert exact[np.argmax(gain[flat])] > exact.max() - 0.05  # its choice is nearly the best
 
 
 def simulated_information(means, sds, weights, rng, n=40000):
@@ -189,7 +190,7 @@ def simulated_information(means, sds, weights, rng, n=40000):
 
 
 def test_a_hit_or_a_miss_distinguishes_two_parts(bracket):
-    """One part is there, the other is far aside: a beam at the first tells all there is."""
+    """One part is there, the other is far away: a beam at the first decides everything."""
     T = np.stack([np.eye(4), SE3.exp(np.array([1.0, 0, 0, 0, 0, 0]))])
     C = np.tile(np.diag(np.repeat([1e-4, 1e-3], 3) ** 2), (2, 1, 1))
     start = Start((bracket,), np.zeros(2, dtype=int), T, C, np.ones(2), Priors())
@@ -207,7 +208,7 @@ def test_a_hit_or_a_miss_distinguishes_two_parts(bracket):
 
 
 def test_candidates_can_be_made(bracket):
-    """Inside the workspace, within the cone, clear of the part on the way, and they meet the face they are aimed at."""
+    """Inside the workspace, within the cone, clear of the part on the path, and with a hit on the planned face."""
     down = np.array([0.0, 0.0, -1.0])
     probe = replace(LASER, approach=down, cone=np.radians(40), workspace=Workspace.above(0.05), clearance=0.015)
     start = rough([bracket], (1e-3, 1e-2))

@@ -1,4 +1,4 @@
-"""Rims and walls of bores as candidates of a hand: what acquiring them would tell of the pose and of the part."""
+"""Rims and walls of bores as candidates of a hand: the gain about the pose and about the part."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def block(rng, holes=None, *, crossing=True):
 
 
 class Every:
-    """Candidates of which nothing but tables and sizes is asked."""
+    """Candidates with tables and sizes only."""
 
     def __init__(self, columns, sizes):
         self.tables = [(0, tables_of(columns))]
@@ -290,7 +290,7 @@ def test_spheres_and_apexes_are_points(blocks):
 
 
 def test_coaxial_holes_and_a_face_fix_lengths_but_no_pose(blocks):
-    """The face across them says how far they may be; nothing says how they are turned."""
+    """The face across them limits their depth; their rotation stays free."""
 
     def fork(gap):
         size = np.array([0.03, 0.03, gap + 0.02])
@@ -450,7 +450,7 @@ def test_centres_are_taken_from_all_sides(blocks):
 
 
 def test_a_lonely_normal_makes_no_poses(blocks, every):
-    """It may be of a face that is no plane, which a table does not have."""
+    """It may lie on a face that is no plane, which a table does not have."""
     _, points = sensed(blocks[4], np.random.default_rng(17), [0, 1], face=None)
     normal = np.array([[0.6, 0.0, 0.8]])
     at = points.points[0] + 0.01 * normal[0]

@@ -1,4 +1,4 @@
-"""Points against coarse fields of many parts: the right part and pose are found, whatever else is among the parts."""
+"""Points against coarse fields of many parts: the right part and pose are found among any other parts."""
 
 import numpy as np
 import pytest
@@ -162,7 +162,7 @@ def test_a_sheet_is_where_its_field_vanishes(tmp_path, thickness):
 
 
 def test_points_alone_distinguish_parts_in_the_same_box(tmp_path):
-    """Angles of the same three sides: they are of one kind, and poses that suit one of them do not suit another."""
+    """Angles with the same three sides: they have one kind, and good poses of one are bad for another."""
     rng = np.random.default_rng(2)
     corners = np.array([(0, 0), (1, 0), (1, "t"), ("s", "t"), ("s", 1), (0, 1)], dtype=object)
     for k in range(70):
@@ -197,7 +197,7 @@ def sensed(p):
 
 @pytest.mark.parametrize("sides", [(26, 24, 25), (25, 35, 50), (30, 36, 44)])
 def test_more_steps_find_what_coarse_scores_miss(sides):
-    """A dozen points, blurred as they are scored, are as likely in many attitudes of a block that is nearly a cube."""
+    """A dozen blurred points are as likely in many attitudes of a block that is nearly a cube."""
     block, found = 1e-3 * np.array(sides), {}
     for stepped in (24, 800):
         found = [evaluate(tables([block]), on_block(block, 12, seed)[0], stepped=stepped) for seed in range(20)]

@@ -23,7 +23,7 @@ def flange():
 
 
 def test_touches_of_a_hundredth_of_a_millimetre_are_believed(flange):
-    """Of facets 36 micrometres deep, as the mesh has them, a quarter of such readings would be of no known part."""
+    """With facets 36 micrometres deep, as in the mesh, a quarter of such readings would fit no known part."""
     values = []
     for k in range(25):
         rng = np.random.default_rng((1, k))

@@ -130,7 +130,7 @@ def test_symmetry_is_reported_not_shared_out(models, name, order):
 
 
 def test_a_solid_of_revolution_may_spin(tmp_path):
-    """Two faces of a disc leave two slides; the turn about its own axis is nobody's business."""
+    """Two faces of a disc leave two slides; the rotation about its own axis does not matter."""
     n, r, h = 64, 30.0, 12.0
     angles = 2 * np.pi * np.arange(n) / n
     ring = np.column_stack([r * np.cos(angles), r * np.sin(angles)])

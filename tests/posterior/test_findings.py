@@ -20,7 +20,7 @@ UNITS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "in": 0.0254}
 @pytest.mark.parametrize("stated", UNITS)
 @pytest.mark.parametrize("size", [0.02, 0.2, 1.0])
 def test_the_right_unit_of_the_columns_is_among_the_guesses(meant, stated, size):
-    """Beside a part whose file says its unit."""
+    """Beside a part whose file states its unit."""
     question = about_units(Scale(0.6 * size * UNITS[stated] / UNITS[meant], (size,), stated, ""))
     if meant == stated:
         assert question is None

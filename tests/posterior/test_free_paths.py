@@ -1,4 +1,4 @@
-"""Paths on which nothing was met, exactly known or somewhere in a cone."""
+"""Paths without a hit, exactly known or somewhere in a cone."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -64,7 +64,7 @@ def test_a_cone_is_named_if_all_of_it_meets_the_part(block):
 
 
 def test_a_common_motion_of_ray_and_pose_is_no_distance(block):
-    """A base off by 5 mm sd: where the part is said to be in the world is as vague, and the path goes with it."""
+    """A base off by 5 mm sd: the pose of the part in the world is as uncertain, and the path moves with it."""
     base, vague = 5e-3 * np.eye(3)[None], np.diag([25e-6] * 3 + [0.0] * 3)
     path = replace(from_above(block, 2e-3, 0.0), shared_jacobian=base, turns=np.zeros((1, 3, 3)))
     follows = np.concatenate([np.eye(3) / 5e-3, np.zeros((3, 3))], axis=1)

@@ -61,7 +61,8 @@ def test_an_edge_and_a_corner_inform_more_than_points_anywhere():
 
 
 def test_a_shared_error_that_turns_with_hand_does_not_hide_plane():
-    """Points off by an error of ten times their noise are of a plane still, if the error is known to be shared."""
+    """Points off by a shared error of ten times their noise are on a plane still, if the error is known to be
+    shared."""
     rng = np.random.default_rng(4)
     R = any_rotations(rng, 8)
     p = np.column_stack([rng.uniform(-0.05, 0.05, (8, 2)), 1e-4 * rng.normal(size=8)])

@@ -96,7 +96,7 @@ def test_the_log_probability_of_a_range_is_right_near_and_far():
 
 @pytest.mark.parametrize("scenes", [25, pytest.param(60, marks=pytest.mark.slow)])
 def test_pose_and_covariance_are_of_readings_and_prior(parts, scenes):
-    """Three planes that leave nothing free, a prior pose as good as they are: NEES over many scenes."""
+    """Three planes that leave no freedom, and a prior pose of equal accuracy: NEES over many scenes."""
     part, values, sizes = parts["bracket_left"], [], []
     fine = np.repeat([5e-5, 1e-3], 3)
     for k in range(scenes):

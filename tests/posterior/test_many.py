@@ -1,4 +1,4 @@
-"""More readings than tell anything: some of them are used, and it is said."""
+"""More readings than are useful: a subset is used, and the answer reports it."""
 
 from __future__ import annotations
 

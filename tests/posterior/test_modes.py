@@ -1,4 +1,4 @@
-"""Samples beside a normal density: what they tell of a region, and that nothing is lost where they tell little."""
+"""Samples beside a normal density: their use for a region, and nothing is lost where they are uninformative."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which of many parts are searched: what was sensed of a part never leaves it out, and what is left out counts."""
+"""Pruning of many parts: the sensed part always stays, and the pruned probability counts."""
 
 from dataclasses import replace
 
@@ -173,14 +173,14 @@ def test_global_properties_are_evaluated_first(catalogue):
     chosen = candidate_pruning.screen(question(points, every), every, odds)
     assert 41 in chosen.rows
     assert chosen.pruned_by_properties > 0
-    assert (odds[list(chosen.known)] > 0).all()  # the others are not looked at
+    assert (odds[list(chosen.known)] > 0).all()  # the others are not evaluated
     assert chosen.discount < -2
     everything = candidate_pruning.screen(question(points, every), every, odds, every=True)
     assert (everything.pruned_by_properties, 41 in everything.rows) == (0, True)
 
 
 def test_a_part_is_found_though_the_whole_object_misleads(catalogue):
-    """Sides of another part leave its own aside; as nothing else explains the readings, it is looked at after all."""
+    """Sides of another part prune the true one; as nothing else explains the readings, it is searched after all."""
     part = catalogue[41]
     sides = tuple(np.ptp(part.box, axis=0) + 0.02)
     priors = Priors(whole=WholeObject(sides=sides, side_sd=1e-4))

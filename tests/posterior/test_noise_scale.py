@@ -1,4 +1,4 @@
-"""The noise is known to a factor: the joint test, the scale that is told, and the region of 95 %."""
+"""The noise is known to a factor: the joint test, the stated scale, and the region of 95 %."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def scale_stated(points, target, priors):
 
 
 def test_other_information_takes_no_freedom_of_the_noise(target):
-    """A prior or normals that say little leave the scale as it is; a prior that says all leaves every point to it."""
+    """An uninformative prior or normals leave the scale unchanged; an exact prior leaves every point to it."""
     rng = np.random.default_rng(5)
     T = box_centred_pose(rng)
     points = scene(target, T, Sensing("touch", 2e-4, False, ()), 12, rng)[0]
@@ -111,7 +111,7 @@ def facing(target, T, points):
 
 @pytest.mark.parametrize(("times", "explained"), [(1.0, True), (1.5, True), (6.0, False)])
 def test_a_part_that_takes_too_much_noise_explains_nothing(target, times, explained):
-    """Others stay in the race, of which a first look may have missed the pose."""
+    """Others stay active, because the first-pass evaluation may have missed their pose."""
     rng = np.random.default_rng(3)
     T = box_centred_pose(rng)
     p, _ = surface_points(target, 40, rng)

@@ -1,4 +1,4 @@
-"""A peak on a plain: what readings near edges alone hold is as uncertain as the posterior says beyond the peak."""
+"""A peak on a plain: readings near edges alone constrain a pose as the posterior beyond the peak does."""
 
 from __future__ import annotations
 

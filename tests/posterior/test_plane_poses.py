@@ -118,7 +118,7 @@ def test_labels_inform_more_than_unlabelled_readings(models_of_faces):
             claimed[k] += best.probability
     assert truth[0] > truth[1] - 0.5
     assert unknown[0] / 12 < 0.1
-    assert abs(claimed[0] - right[0]) < 3.5  # 12 scenes tell a share to 0.14, and twice that is allowed
+    assert abs(claimed[0] - right[0]) < 3.5  # 12 scenes give a share to 0.14, and twice that is allowed
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +142,7 @@ def test_a_mirrored_part_is_not_found_by_its_labels(parts):
 
 @pytest.mark.parametrize("name", ["bracket_left", "wedge", "hex_spacer"])
 def test_every_pose_puts_three_faces_where_the_planes_are(models_of_faces, name):
-    """Not their mirror image, and none of three faces that fix nothing: whatever the angles may be off by."""
+    """Not their mirror image, and none of three faces that fix nothing: for all errors of the angles."""
     target = models_of_faces[name]
     for seed in range(3):
         _, touches = scene(target, (12, seed), directed=True)

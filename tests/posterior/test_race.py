@@ -1,4 +1,4 @@
-"""Who stays in the race of the parts after a round."""
+"""Parts that stay active after a round of successive halving."""
 
 from types import SimpleNamespace
 

@@ -110,7 +110,7 @@ def test_one_plane_leaves_three_directions_unobserved(targets):
 
 
 def test_the_spin_of_a_cylinder_is_no_error(cylinder):
-    """Facets feign some knowledge of the spin; symmetry says that it does not matter."""
+    """Facets suggest some information about the spin; symmetry shows that it does not matter."""
     assert cylinder.part.symmetry.continuous
     T, touches, *_ = scene_of(cylinder, 2, 15)
     answer = identify_points(touches, no_paths(), [cylinder])
@@ -310,5 +310,5 @@ def test_tolerance_does_not_count_twice_beside_a_shared_error(targets):
     alone, both = (identify_points(t, no_paths(), [target]).hypotheses[0] for t in (made, shared))
     own = both.covariance - np.diag(np.r_[np.full(3, base**2), np.zeros(3)])
     for C in (own, both.covariance_relative):
-        # samples tell the whole covariance to 4 %, of which the base is most; twice would be two thirds more
+        # samples give the whole covariance to 4 %, of which the base is most; twice would be two thirds more
         assert np.diag(C) == pytest.approx(np.diag(alone.covariance), rel=0.25)

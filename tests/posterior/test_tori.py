@@ -1,4 +1,4 @@
-"""Sensed tori: rings on plates that differ in a radius of the tube are discriminated, and located as Bayes says."""
+"""Sensed tori: rings on plates that differ in a radius of the tube are discriminated, and located by Bayes' rule."""
 
 from __future__ import annotations
 

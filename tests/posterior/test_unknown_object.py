@@ -39,7 +39,7 @@ def test_readings_of_a_larger_object_get_a_larger_box():
 @pytest.mark.parametrize("far", [0.2, 2.0, 50.0])
 @pytest.mark.parametrize("known", [False, True])
 def test_a_far_stray_does_not_make_none_of_these_more_probable(far, known):
-    """A metre or fifty: it is off the part, and of an unknown object it says as little."""
+    """A metre or fifty: it is off the part, and equally uninformative about an unknown object."""
     target, rng = prepare(read_part(EXAMPLES / "bracket_left.step")), np.random.default_rng(3)
     T = box_centred_pose(rng)
     p, _ = surface_points(target, 12, rng)

@@ -71,7 +71,7 @@ def test_located_without_labels(located, placement):
 
 @pytest.mark.parametrize("placement", PLACEMENTS)
 def test_the_pose_is_that_of_the_labelled_dimples(block, located, placement):
-    """Up to the turn of 13 mrad between the drawing's frame and ``tool_cloud``'s, which both placements show alike."""
+    """Up to the rotation of 13 mrad between the drawing's frame and ``tool_cloud``'s, equal in both placements."""
     images = located[placement].hypotheses[0].T_world_part @ block.part.symmetry.Ts
     gaps = SE3.log(SE3.inverse(images) @ labelled_pose(placement))
     gap = gaps[np.argmin(np.linalg.norm(gaps[:, 3:], axis=1))]

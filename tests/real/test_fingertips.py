@@ -1,4 +1,4 @@
-"""Fingertip touches of real and simulated objects, without correspondences: what the data allow, and what is said.
+"""Fingertip touches of real and simulated objects, without correspondences: limits of the data, and the answers.
 
 There is no truth of the poses; the published index is the mean distance of the points to the surface. The least that
 any pose reaches is in ``benchmarks/fingertips.py``.
@@ -54,7 +54,7 @@ def test_all_eleven_meshes_are_read_and_one_is_open(targets):
 def test_real_cylinder(targets):
     """Target 5.75 mm; least squares, which maximum likelihood is, cannot be under 5.87 and no pose under 5.45.
 
-    The posterior is flat there: from 5.87 to 6.01 mm maxima differ by less than 0.1 nats. What is told is its mean, a
+    The posterior is flat there: from 5.87 to 6.01 mm maxima differ by less than 0.1 nats. The answer is its mean, a
     tenth of a millimetre and more off the maximum.
     """
     points, answer = located(targets, "measCylinder_exp", "cylinder", SD)

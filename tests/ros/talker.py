@@ -1,7 +1,7 @@
 """Another process on the network of the node: a sensor on a hand that rests before each reading, and a listener.
 
 ``talker.py PLAN.json``: ``static`` is the sensor on the hand, ``steps`` are pairs of the hand's pose and a range. It
-prints what the node said as one JSON document.
+prints the messages of the node as one JSON document.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The command of the node where there is no ROS, and what it refuses before it looks for it."""
+"""The command of the node without ROS, and the options that it refuses before it imports ROS."""
 
 from __future__ import annotations
 

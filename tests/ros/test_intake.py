@@ -1,4 +1,4 @@
-"""Messages as they come: told when their frames are known, each once; what cannot be told is counted by why."""
+"""Messages in their order: used once when their frames are known; unusable ones are counted by reason."""
 
 from __future__ import annotations
 

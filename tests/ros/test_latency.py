@@ -1,4 +1,4 @@
-"""The delay of a moving sensor: its estimate has the spread that it says, and a sensor at rest tells none."""
+"""The delay of a moving sensor: its estimate has the stated spread, and a sensor at rest gives none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The node and another process on the loopback: frames of a hand and ranges; poses, and what is asked next."""
+"""The node and another process on the loopback: frames of a hand and ranges; poses, and the next plan."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def network(tmp_path):
 
 @pytest.fixture(scope="module")
 def plan():
-    """Beams that meet a part from about 6 cm, all around but from below."""
+    """Beams that hit a part from about 6 cm, on all sides except from below."""
     pytest.importorskip("OCP", reason="reading STEP needs tanteo[step]")
     part, rng = read_part(PARTS / "bracket_left.step"), np.random.default_rng(3)
     surface = Surface(part.vertices, part.triangles)

@@ -1,4 +1,4 @@
-"""A sensor that says the same everywhere is asked about; one that says the same of one place, or by chance, is not."""
+"""A sensor with one range everywhere raises a question; equal ranges of one place, or by chance, do not."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def ranges(values, *, sensors=None, places=None):
 
 @pytest.mark.parametrize(("value", "other", "least"), [(0.10342, 0.2, 4), (0.1, 0.20013, 4), (0.1, 0.2, 7)])
 def test_so_many_equal_ranges_are_no_chance(value, other, least):
-    """Fewer where the device shows elsewhere that it tells ranges finely."""
+    """The number is lower if the device shows a fine resolution elsewhere."""
     other = [other, other + 0.01]
     assert find_stuck(ranges([*other, *[value] * (least - 1), *other])) is None
     words = find_stuck(ranges([*other, *[value] * least, *other])).message

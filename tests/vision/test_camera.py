@@ -1,4 +1,4 @@
-"""The camera: projection and rays are inverse, derivatives are derivatives, OpenCV says the same."""
+"""The camera: projection and rays are inverse, derivatives are derivatives, OpenCV agrees."""
 
 from __future__ import annotations
 

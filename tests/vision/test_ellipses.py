@@ -97,7 +97,7 @@ def test_one_of_two_circles_is_the_true_one():
     axes = [pose.T_camera_circle[:3, 2] @ T_CAMERA_CIRCLE[:3, 2] for pose in poses]
     assert min(off) < 1e-12
     assert abs(axes[int(np.argmin(off))]) == pytest.approx(1)
-    for pose in poses:  # both look alike
+    for pose in poses:  # both give equal images
         assert project_circle(CAMERA, pose.T_camera_circle, RADIUS).numbers == pytest.approx(truth.numbers)
 
 

@@ -55,7 +55,7 @@ def factor_of(model, camera, image, edges):
 
 
 def test_a_pose_that_is_one_of_two_is_reported_with_both(scene):
-    """Every edge across one direction has a copy: the part may as well lie there, and nothing tells which."""
+    """Every edge across one direction has a copy: the part may as well lie there, and nothing decides it."""
     model, camera, image, points, T, T_camera_table = scene
     length = pixel_length(camera, T, model.part.centroid)
     edges, way = with_copies(camera, points, T, T_camera_table, length, 1.0)
@@ -66,7 +66,7 @@ def test_a_pose_that_is_one_of_two_is_reported_with_both(scene):
     middle = [SE3.apply(SE3.inverse(camera.T_world_camera) @ h.T_world_part, model.part.centroid) for h in answers]
     off = [np.linalg.norm(m - SE3.apply(T, model.part.centroid)) / length for m in middle]
     print(off, [h.probability for h in answers])
-    if len(answers) == 1:  # both are one region, as wide as they are apart
+    if len(answers) == 1:  # both are one region, as wide as their distance
         e = SE3.log(SE3.inverse(camera.T_world_camera @ T) @ answers[0].T_world_part)
         assert e @ np.linalg.solve(answers[0].covariance, e) < chi2.ppf(0.999, 6)
     else:  # or two answers, of which none is sure

@@ -83,7 +83,7 @@ def test_a_step_hides_the_points_that_it_covers(tmp_path):
     all_of_it, seen = see_edges(frame, T, hidden=False), see_edges(frame, T)
     assert (seen.shown <= all_of_it.shown).all()
     assert seen.shown.sum() < all_of_it.shown.sum()
-    # a sample is hidden exactly where a ray to it meets the surface first
+    # a sample is hidden exactly where a ray to it hits the surface first
     eye = SE3.inverse(T)[:3, 3]
     inside = frame.points + 2e-4 * part.diagonal * (n := frame.normals.sum(axis=1)) / np.linalg.norm(
         n, axis=1, keepdims=True

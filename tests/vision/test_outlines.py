@@ -1,4 +1,4 @@
-"""Very many parts and an image of a table: the outline narrows them, and what is left out is said."""
+"""Very many parts and an image of a table: the outline prunes them, and the answer reports the pruned ones."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_an_image_is_answered_of_a_catalogue(catalogue, shots, many):
 
 
 def test_unsearched_parts_are_reported(catalogue, shots, many, monkeypatch):
-    """Where all that look alike do not find room, they are as probable as those that did."""
+    """If not all similar parts can be kept, the pruned ones are as probable as the kept ones."""
     monkeypatch.setattr(outlines, "DEFAULTS", outlines.DEFAULTS.changed("pruning.least", 1))
     monkeypatch.setattr("tanteo.posterior.answers.seen_outline._TOGETHER", 1e4)  # any outline is any part's
     _, shot, _ = next(whole(shots))

@@ -1,4 +1,4 @@
-"""The posterior of an image: probabilities, poses within their spread whatever an edge does, the camera's errors."""
+"""The posterior of an image: probabilities, poses within their spread for any edge errors, the camera's errors."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_the_pose_stays_within_its_spread_whatever_the_edge(seen):
 @pytest.mark.parametrize("stated", [0.15, 0.35])
 @pytest.mark.parametrize("seed", [*range(6), *(pytest.param(k, marks=pytest.mark.slow) for k in range(6, 40))])
 def test_edges_farther_off_than_rendered_are_taken_as_such(seen, seed, stated):
-    """As with a lens or a model that is not exact: every edge is shifted, as is said or by more."""
+    """As with a lens or a model that is not exact: every edge is shifted, as stated or by more."""
     model, camera, points, T = seen
     rng, shift = np.random.default_rng([5, seed]), np.zeros(len(points))
     for rows in long_edges(model, camera, points, T):

@@ -1,4 +1,4 @@
-"""The camera's place from marks: exact without noise, honest with it; and what the table says about a pose."""
+"""The camera's pose from marks: exact without noise, calibrated with it; and the table's information about a pose."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_the_camera_s_errors_are_the_table_s_too():
     C = half @ half.T
     camera = Camera(CAMERA.K, CAMERA.size, CAMERA.distortion, T, C)
     got = seen_table(TableErrors(1e-9, 1e-9), camera, np.eye(4))
-    # where a camera that stands elsewhere puts the point of the table that it looks at
+    # where a camera that stands elsewhere puts the point of the table on its optical axis
     middle = T[:3, 3] - T[2, 3] / T[2, 2] * T[:3, 2]
     draws = T @ SE3.exp(rng.multivariate_normal(np.zeros(6), C, 20000)) @ SE3.inverse(T)
     lifted = SE3.apply(draws, middle)[:, 2]

@@ -315,7 +315,7 @@ def test_invariance(name):
     np.testing.assert_allclose(shuffled.distances, e.distances[order], rtol=1e-6)
 
     moved = []
-    for pairing in pairings:  # sensed frames slid and turned along what nobody senses
+    for pairing in pairings:  # sensed frames slid and turned along unsensed directions
         kind = pairing.sensed.kind
         S = free_motion(kind, rng)
         A = kind.B @ SE3.adjoint_inverse(S) @ kind.B.T

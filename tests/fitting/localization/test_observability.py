@@ -99,7 +99,7 @@ def test_free_motions_are_those_that_no_residual_feels(name, noise):
         assert np.abs(residuals(features, T, T @ SE3.exp(0.1 * xi))).max() < 1e-9
     assert np.linalg.matrix_rank(J, tol=1e-6) == 6 - slides - turns
     assert np.abs(J @ reference.free.T).max(initial=0.0) < 1e-8
-    # along free directions the covariance is wide, across them it is of the size of the noise
+    # along free directions the covariance is wide, across them it has the size of the noise
     for xi in e.free:
         assert xi @ np.linalg.pinv(e.covariance) @ xi < 100
 
@@ -213,7 +213,7 @@ def test_a_rotation_is_named_by_its_axis_point_nearest_the_part():
     scale = motion_scale(0.1, middle)
     words = describe_motion(np.array([0, 0, 0, 0, 0, 1.0]), T, scale)
     assert str(words) == "rotation about part z through (1000.0, 2000.0, 3000.0) mm"
-    beside = describe_motion(np.array([0, 0.1, 0, 0, 0, 1.0]), T, scale)  # v = -w x c, c a tenth of its size aside
+    beside = describe_motion(np.array([0, 0.1, 0, 0, 0, 1.0]), T, scale)  # v = -w x c, c a tenth of its size off
     np.testing.assert_allclose(beside.point, T[:3, :3] @ (middle - np.array([0.01, 0, 0])) + T[:3, 3], atol=1e-4)
 
 

@@ -1,4 +1,4 @@
-"""What was met, as points with their uncertainty, and the room that it leaves."""
+"""Hits as points with their uncertainty, and the clearance that they leave."""
 
 import math
 

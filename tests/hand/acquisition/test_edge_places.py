@@ -1,4 +1,4 @@
-"""Crossings go no farther than was seen free, and looks make more of it known."""
+"""Crossings stay within the space that is known to be free, and scans enlarge it."""
 
 import numpy as np
 

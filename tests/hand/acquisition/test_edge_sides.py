@@ -65,7 +65,7 @@ def test_far_or_past_places_may_be_of_another_edge():
 
 
 def test_only_crossings_count():
-    """They are slow: elsewhere a range may be of a pose that is past."""
+    """Crossings are slow: in other motions a range may belong to an earlier pose."""
     assert sides_of(crossing(0.01, 0.0), crossing(0.01, 0.008, name="follow")) is None
 
 

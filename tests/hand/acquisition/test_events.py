@@ -54,7 +54,7 @@ def test_events_of_another_edge_are_left_out():
 
 
 def test_one_straight_edge_is_not_doubted():
-    """As often as its gate says: 3.3 standard deviations of a few residuals."""
+    """The rate is that of its gate: 3.3 standard deviations of a few residuals."""
     rng, doubted, n = np.random.default_rng(0), 0, 400
     xs = np.array([-0.032, -0.02, -0.008, 0.008, 0.02, 0.032])
     for _ in range(n):

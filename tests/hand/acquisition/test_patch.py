@@ -1,4 +1,4 @@
-"""Which flat patches explain what was met, and where on them the hand may stand."""
+"""Flat patches that explain the hits, and the allowed places of the hand on them."""
 
 import math
 

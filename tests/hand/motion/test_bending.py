@@ -1,4 +1,4 @@
-"""Where a surface bends away instead of ending, a crossing says so and makes no edge of it."""
+"""Where a surface bends away instead of ending, a crossing reports the bend and no edge."""
 
 import math
 

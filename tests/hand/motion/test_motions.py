@@ -195,7 +195,7 @@ def test_following_ends_with_the_surface():
 
 
 def test_edge_events_are_unbiased_and_follow_their_variance():
-    """Against the true edge, with the errors that stay of every unit set aside by looking at one unit's scatter."""
+    """The true edge is the reference; the errors that each unit keeps are removed by the scatter of one unit."""
     standard = []
     for seed in range(30):
         robot = robot_on(PLATE, over(x=0.0, y=0.08 + 0.0002 * (seed % 7), height=STANDOFF), seed=seed)

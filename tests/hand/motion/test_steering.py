@@ -1,4 +1,4 @@
-"""What slows a command down, by a robot that says what it is told to say."""
+"""Reductions of a commanded speed, by a robot with prescribed observations."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_the_way_left_beyond_the_clearance_sets_the_speed():
 
 
 class Blinking(Observation):
-    """A robot that moves as it is told, before a thing of which an echo comes at every so-manieth reading only."""
+    """A robot that follows its commands, before an object whose echo comes at every n-th reading only."""
 
     def __init__(self, distance, every):
         super().__init__(HIT, distance)

@@ -1,4 +1,4 @@
-"""The simulated hand: it moves as commanded, senses the truth with the stated errors, and knows no estimator."""
+"""The simulated hand: it moves as commanded, senses the truth with the stated errors, and uses no estimator."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Whatever becomes of a sample, it is read or refused with the file's name: never another exception, never a hang."""
+"""A damaged sample is read or refused with the file's name: never another exception, never a hang."""
 
 from __future__ import annotations
 

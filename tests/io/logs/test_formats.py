@@ -1,4 +1,4 @@
-"""Each format, from a small sample of our own: the same four points, whoever wrote them."""
+"""Each format, from a small sample of our own: the same four points from every program."""
 
 from __future__ import annotations
 

@@ -145,7 +145,7 @@ def test_robot_programs_are_the_planned_touches(name, jobs, part):
     for a, b in pairwise(places):
         way = a[:3, 3] + np.linspace(0, 1, 60)[:, None] * (b[:3, 3] - a[:3, 3])
         assert expected_gap(part, way).min() > CLEARANCE - 1e-3
-        assert min(a[2, 2], b[2, 2]) <= 1e-6  # the tool never looks up
+        assert min(a[2, 2], b[2, 2]) <= 1e-6  # the tool never points up
 
 
 @pytest.mark.parametrize("name", AXES_3)

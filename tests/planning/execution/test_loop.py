@@ -1,4 +1,4 @@
-"""A hand senses a part that nobody told it of: right, in place, and never in contact."""
+"""A hand senses a part at an unknown pose: right, in place, and never in contact."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_without_clearance_it_ends_with_that_reason(targets):
 
 @pytest.mark.slow
 def test_fingers_do_not_touch_an_unstated_clamp(targets):
-    """What a motion that cannot go on has met is told, and asked for in another way."""
+    """The readings of a blocked motion are used, and the session plans another path."""
     unknown = unknown_scene(targets[:2], 1, np.random.default_rng(9), given=False)
     session = unknown_session(unknown, max_measurements=24)
     done = run(unknown, session)

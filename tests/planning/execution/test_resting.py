@@ -1,4 +1,4 @@
-"""Readings at rest are averaged where they agree; furniture is told from parts, and what it says is kept."""
+"""Readings at rest are averaged where they agree; furniture is separated from parts, and its readings are kept."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_readings_over_an_edge_are_used_one_by_one():
 
 
 def test_a_mean_over_a_low_step_is_of_neither_face():
-    """3 mm is less than the beam's spot is wide, and all that tells two parts of the examples apart."""
+    """3 mm is less than the beam's spot is wide, and the only difference between two parts of the examples."""
     readings = as_readings(HAND, log([0.04] * 5 + [0.043] * 5, [-1] * 10), "1")
     assert set(np.round(readings.ranges, 6)) == {0.04, 0.043}
 

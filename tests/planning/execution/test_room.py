@@ -1,4 +1,4 @@
-"""Stances look along their beams, room is what exact distances say, and ways keep it or are not gone."""
+"""Stances point along their beams, clearance follows exact distances, and paths keep it or are refused."""
 
 from __future__ import annotations
 

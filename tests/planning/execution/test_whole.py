@@ -1,4 +1,4 @@
-"""Bores that a hand acquires whole in a session: offered, asked for, told, kept in the record."""
+"""Bores that a hand acquires in one piece in a session: offered, planned, used, kept in the record."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def test_an_outline_is_its_own_part_s_at_any_yaw(parts):
 
 
 def test_an_outline_determines_the_pose_of_its_part(parts):
-    """In the world, wherever the table is; to a half turn, which the hull of a block hardly tells."""
+    """In the world, for any place of the table; up to a half turn, which the hull of a block hardly determines."""
     rng = np.random.default_rng(4)
     T_world_table = SE3.exp(np.array([0.3, -0.1, 0.2, 0.1, 0.2, 0.3]))
     for k in range(8):

@@ -1,4 +1,4 @@
-"""The report in a real browser, offline: it draws, it switches, nothing overlaps, nothing is asked of anybody."""
+"""The report in a real browser, offline: it draws, it switches, nothing overlaps, no request leaves the page."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Report(Watched):
         self.file = file
 
     def picture(self):
-        """Pixels of the canvas as they are shown ``(h, w, 3)``."""
+        """Return the shown pixels of the canvas ``(h, w, 3)``."""
         self.wait_until_quiet()
         return pixels(self.page.locator("#view").screenshot())[5:-5, 5:-5]  # less the frame that a focus draws
 
@@ -62,7 +62,7 @@ def files(tmp_path_factory, wedge, near_wedge):
 
 @pytest.fixture
 def open_page(browser, files):
-    """Open a report; at the end nothing may have been said or asked."""
+    """Open a report; at the end there may be no message and no request."""
     opened = []
 
     def call(name, size="desk", scheme="light"):

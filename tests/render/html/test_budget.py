@@ -1,4 +1,4 @@
-"""The budget adds up to the covariance of the best linear estimator, and to what the answer says."""
+"""The budget adds up to the covariance of the best linear estimator, and to that of the answer."""
 
 from __future__ import annotations
 

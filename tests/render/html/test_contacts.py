@@ -1,4 +1,4 @@
-"""Where readings meet a part, and how far off they are."""
+"""Contact points of readings on a part, and their distances."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_rows_are_the_derivatives_of_the_distances(wedge, answer):
 
 
 def test_an_error_that_all_readings_share_is_not_in_distances(wedge, answer):
-    """A sensor that reads 0.3 mm long along its beam: two opposite sides tell it from a shift."""
+    """A sensor that reads 0.3 mm long along its beam: two opposite sides separate it from a shift."""
     rng = np.random.default_rng(3)
     exact = touches(wedge, rng)
     hands = np.broadcast_to(np.eye(4), (len(exact), 4, 4)).copy()

@@ -84,7 +84,7 @@ def test_the_reading_for_twins_hits_each_at_its_stated_range(wedge, near_wedge):
     distances = np.linalg.norm(places(scene, "points") - found.origin, axis=1)
     assert distances == pytest.approx(found.ranges[np.isfinite(found.ranges)], abs=1e-6)
     assert [h["part"] for h in scene["hypotheses"]] == [0, 1]
-    target = prepare(near_wedge)  # where the page puts the second part, its ray is as long as it says
+    target = prepare(near_wedge)  # at the second part on the page, its ray has the stated length
     T = np.array(scene["hypotheses"][1]["pose"]).reshape(4, 4).T
     T[:3, 3] = (T[:3, 3] + scene["centre_mm"]) / 1e3
     start, along = np.linalg.inv(T) @ np.r_[found.origin, 1], T[:3, :3].T @ found.direction

@@ -1,4 +1,4 @@
-"""The live page in a real browser: it draws, its buttons work, a click senses, nothing is asked of anybody else."""
+"""The live page in a real browser: it draws, its buttons work, a click senses, no request goes elsewhere."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Live(Watched):
 
     def __init__(self, browser, url, size, query=""):
         super().__init__(browser, f"{url}/?fixedDpr=0.5{query}", size, noise=("error",))
-        self.press("Restart")  # whatever was played before, this begins anew
+        self.press("Restart")  # this starts again after any earlier session
         self.wait_for_text("No reading yet")
 
     def wait_for_text(self, words):

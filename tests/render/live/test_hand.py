@@ -1,4 +1,4 @@
-"""A hand that is watched: it moves on the page, stays where it is when it is told to, and senses the same as alone."""
+"""A hand with a viewer: it moves on the page, stays where a command stops it, and senses the same as alone."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def make(targets):
 
 
 class Onlooker(Person):
-    """Says stop as soon as the hand has moved, and clicks then."""
+    """Press stop as soon as the hand has moved, and click then."""
 
     def __init__(self, *wants):
         super().__init__(*wants)
@@ -57,7 +57,7 @@ def test_it_moves_stays_and_senses_equally_without_a_viewer(targets):
     person = Onlooker(Advance(), click, Quit())
     person.player = Player(remembered, person, 5, "largest-face", speed=8.0)
     person.player.run()
-    assert moved == [3]  # it stayed where it was told to
+    assert moved == [3]  # it stayed where the command stopped it
     assert any("Wait until the hand rests" in text for text in person.messages)
     assert len(person.poses) > 5
     assert not any(HELP in text for text in person.messages[-2:])

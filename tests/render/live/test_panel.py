@@ -1,4 +1,4 @@
-"""What is said: escaped, in the report's words, with shares that sum to one."""
+"""Text of the panel: escaped, in the report's terms, with shares that sum to one."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def test_a_click_senses_there_and_the_counts_are_compared(targets, went):
     person, (session, alone) = play(maker(targets), from_above(0.06, 0.02), Go(), Quit())
     first, *others = (step.action for step in session.steps)
     assert [isinstance(a.reason, ChosenByUser) for a in (first, *others)] == [True, *[False] * len(others)]
-    # where it was pointed at: the click's ray was vertical, and so is what it met
+    # at the clicked place: the click's ray was vertical, and so was its hit
     np.testing.assert_allclose(first.origin[:2], SE3.apply(TRUE, [0.06, 0.02, 0.0])[:2], atol=5e-3)
     assert first.direction[2] < -0.95
     own = len(others)
@@ -123,7 +123,7 @@ def test_a_restart_begins_again_and_another_seed_holds_from_then(targets):
 
 
 def test_a_click_does_not_meet_what_is_hidden(targets):
-    """Whatever else it may be lies there too, in front: a person senses what they see."""
+    """Another object may lie in front: a user senses what the view shows."""
     click = from_above(0.06, 0.02)
     hidden = lambda person: replace(click(person), hidden=frozenset(drawing.HIDDEN_AT_FIRST))  # noqa: E731
     _, (session, _) = play(maker(targets, max_measurements=1), hidden, Quit())

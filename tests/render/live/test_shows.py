@@ -1,4 +1,4 @@
-"""What a laser reads, where a click senses, what a hand's run tells who watches, and that viser stays outside."""
+"""Readings of a laser, places of a click, views of a hand's run, and viser stays outside."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_the_laser_reads_what_is_there_with_its_noise(surfaces):
     assert abs(ranges.mean() - 0.15) < 4 * NOISE / 20
     assert 0.85 < ranges.std() / NOISE < 1.15
     again = simulated(*surfaces, 3)
-    again(down(-0.5, 0.0))  # the second draw is the second reading's, whatever the first one met
+    again(down(-0.5, 0.0))  # the second draw is the second reading's, for any hit of the first one
     assert again(down(0.05, 0.05)).ranges[0] == ranges[1]
 
 
@@ -150,7 +150,7 @@ def test_viser_is_imported_by_the_page_alone():
 
 
 def test_every_reading_answers_the_planned_action(targets):
-    """A probe that says an unlabelled point, under a name of its own, is not sent to the same place again."""
+    """A probe that returns an unlabelled point, with its own name, is not sent to the same place again."""
     session = maker(targets, max_measurements=3)(0, "information").session
     bare = lambda action: Readings.from_columns(  # noqa: E731
         (action.origin + action.expected * action.direction)[None], ids=[f"point {session.count}"], sds=np.array([1e-3])

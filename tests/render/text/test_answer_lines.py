@@ -1,4 +1,4 @@
-"""The answer in words and as JSON, from results made by hand."""
+"""The answer as text and as JSON, from results made by hand."""
 
 import json
 

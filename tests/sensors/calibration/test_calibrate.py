@@ -139,7 +139,7 @@ def with_ranges(log, ranges):
 
 
 def test_saturated_readings_are_found_and_named():
-    """A device that stops at 450 mm: the places beyond it are named, and the beam is as good as without them."""
+    """A device that stops at 450 mm: the places beyond it are named, and the beam is as accurate as without them."""
     rng, plane, T, hands = scene(1, near=0.1, far=0.7)
     log = simulated_log(rng, T, plane, hands, place=(5e-4, 0, 0), repeat=(1e-3, 0))
     ceiling = 0.45

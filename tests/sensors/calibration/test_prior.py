@@ -1,4 +1,4 @@
-"""A rig states what is known of its beams before: it stays where a log tells nothing."""
+"""A rig states its prior beams: the prior stays where a log has no information."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a log cannot tell is named, keeps the uncertainty it had, and is never made up; bad logs are refused."""
+"""Parameters that a log does not determine are named and keep their prior uncertainty; bad logs are refused."""
 
 from dataclasses import replace
 
@@ -40,7 +40,7 @@ def test_without_rotation_offset_and_plane_are_confounded():
     names = {name for one in found.beams[0].undetermined for name in one.parameters}
     assert {"offset", "x"} <= names
     assert "Turn the hand about two axes" in found.message
-    # nothing is made up: what nobody told is as wide as before
+    # nothing is made up: an undetermined parameter is as wide as before
     assert np.sqrt(found.beams[0].cov[0, 0]) > 0.1
     with pytest.raises(InputError, match="expected a calibration that determines the beams"):
         calibrated_rig(found)
@@ -193,7 +193,7 @@ def test_an_unknown_plane_is_named():
 
 
 def test_two_planes_taken_for_one_are_not_calibrated_with():
-    """A third of the places would be set aside, and the beam of the rest be anywhere."""
+    """A third of the places would be excluded, and the beam of the rest would be arbitrary."""
     rng, logs = np.random.default_rng(3), []
     wall = PLANE @ SE3.exp(np.array([0, 0, 0, 1.2, 0, 0]))
     for plane, label in ((PLANE, "table"), (wall, "wall")):
