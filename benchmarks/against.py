@@ -215,14 +215,14 @@ def table(sides: list[Side], rows: dict[str, int], options: argparse.Namespace) 
 
 def chosen(names: list[str], count: int | None) -> dict[str, int]:
     """Return rows and their counts; a name that is no row selects all that begin with it, ``NAME=N`` sets a count."""
-    chosen = {name: own or 0 for name, _, own in (text.partition("=") for text in names)}
-    unknown = [name for name in chosen if not any(row.startswith(name) for row in ROWS)]
+    counts = {name: own or 0 for name, _, own in (text.partition("=") for text in names)}
+    unknown = [name for name in counts if not any(row.startswith(name) for row in ROWS)]
     if unknown:
         raise SystemExit(f"--rows: expected some of {', '.join(ROWS)}, got {', '.join(unknown)}.")
     out = {}
     for row, (_, usual) in ROWS.items():
-        mine = [own for name, own in chosen.items() if name == row or (name not in ROWS and row.startswith(name))]
-        if (mine or not chosen) and (BRACKET.is_file() or not row.startswith("bracket_")):
+        mine = [own for name, own in counts.items() if name == row or (name not in ROWS and row.startswith(name))]
+        if (mine or not counts) and (BRACKET.is_file() or not row.startswith("bracket_")):
             out[row] = int((mine or [0])[0]) or count or usual
     return out
 

@@ -47,7 +47,7 @@ def tasks() -> dict[str, Callable[[], object]]:
     from core.bodies import flat_bodies
     from core.questions import near_pose, point_question, random_pose, with_shared
     from core.test_rounds import fit
-    from posterior.test_coarse_look import evaluate, on_block, tables
+    from posterior.test_coarse_evaluation import evaluate, on_block, tables
     from tanteo import _core
 
     rng = np.random.default_rng(0)

@@ -54,101 +54,33 @@ PENDING: tuple[str, ...] = (
     #
     "examples",
     #
-    "tests/bench",
+    # Tests that repeat a message or a name of the program: change both together.
+    "tests/cli/test_replay.py",
     #
-    "tests/catalogue",
+    "tests/fitting/test_fitting.py",
     #
-    "tests/cli",
+    "tests/fitting/test_labelled.py",
     #
-    "tests/core",
+    "tests/fitting/test_round_labels.py",
     #
-    "tests/factors",
+    "tests/io/test_scene_toml.py",
     #
-    "tests/features",
+    "tests/render/html/test_sessions.py",
     #
-    "tests/fitting",
-    #
-    "tests/fuzz",
-    #
-    "tests/geometry",
-    #
-    "tests/golden",
-    #
-    "tests/hand",
-    #
-    "tests/io",
-    #
-    "tests/machines",
-    #
-    "tests/paper",
-    #
-    "tests/parts",
-    #
-    "tests/planning",
-    #
-    "tests/posterior",
-    #
-    "tests/real",
-    #
-    "tests/render",
-    #
-    "tests/ros",
-    #
-    "tests/sensors",
-    #
-    "tests/vision",
-    #
-    "tests/altered.py",
-    "tests/bare_scenes.py",
-    "tests/bore_scenes.py",
-    "tests/browsing.py",
-    "tests/castle_scene.py",
-    "tests/check_vectors.py",
-    "tests/conftest.py",
-    "tests/drilled.py",
-    "tests/felt_scenes.py",
-    "tests/fixture_sets.py",
-    "tests/grey_cube.py",
-    "tests/log_cases.py",
-    "tests/machined_parts.py",
-    "tests/plane_scenes.py",
-    "tests/random_parts.py",
-    "tests/recordings.py",
-    "tests/rendered.py",
-    "tests/report_scenes.py",
-    "tests/round_scenes.py",
-    "tests/scenes.py",
-    "tests/sensing_scenes.py",
-    "tests/test_arguments.py",
-    "tests/test_campaign.py",
-    "tests/test_colours.py",
-    "tests/test_coverage.py",
-    "tests/test_docs.py",
-    "tests/test_doctor.py",
-    "tests/test_door.py",
     "tests/test_examples.py",
+    #
     "tests/test_extending.py",
-    "tests/test_far_origin.py",
+    #
     "tests/test_free_paths.py",
+    #
     "tests/test_free_paths_and_base.py",
-    "tests/test_honesty.py",
-    "tests/test_house.py",
-    "tests/test_labels_and_tip.py",
-    "tests/test_language.py",
-    "tests/test_limits.py",
-    "tests/test_pages.py",
-    "tests/test_readme.py",
-    "tests/test_replaced.py",
-    "tests/test_session.py",
-    "tests/test_site.py",
-    "tests/test_structure.py",
-    "tests/test_tour.py",
-    "tests/test_words.py",
-    "tests/tof_planes.py",
-    "tests/unknown_scenes.py",
+    #
     "tests/viewer_scenes.py",
-    "tests/vision_scenes.py",
+    #
 )
+
+QUOTING = "benchmarks/language.py", "tests/test_language.py", "tests/test_words.py"
+"""Files that quote the words to avoid: they are not checked."""
 
 WORDS = {
     r"tell|tells|told|telling": "report, state, distinguish",
@@ -452,8 +384,8 @@ def files(paths: list[Path]) -> Iterator[Path]:
 
 
 def is_pending(path: str) -> bool:
-    """Return whether a path is listed as not yet rewritten."""
-    return path == "benchmarks/language.py" or any(path == p or path.startswith(f"{p}/") for p in PENDING)
+    """Return whether a path is listed as not yet rewritten, or quotes the words that the style avoids."""
+    return path in QUOTING or any(path == p or path.startswith(f"{p}/") for p in PENDING)
 
 
 def group_of(path: str) -> str:
@@ -470,7 +402,9 @@ def main() -> None:
     options = parser.parse_args()
     chosen = [path.resolve() for path in options.paths] or [ROOT]
     everything = options.counts or options.paths
-    found = [one for path in files(chosen) if path != Path(__file__).resolve() for one in findings(path)]
+    found = [
+        one for path in files(chosen) if path.relative_to(ROOT).as_posix() not in QUOTING for one in findings(path)
+    ]
     sources = chosen if options.paths else [ROOT / "src", ROOT / "benchmarks", ROOT / "tests"]
     python = [path for path in sources if path.is_dir() or path.suffix == ".py"]
     documented = [path for path in python if not path.is_relative_to(ROOT / "tests")]

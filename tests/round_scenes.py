@@ -28,9 +28,9 @@ def round_points(kind, arc, n):
         normal = e * np.cos(HALF_ANGLE) - np.array([0, 0, np.sin(HALF_ANGLE)])
         return z[:, None] * (np.tan(HALF_ANGLE) * e + np.array([0, 0, 1.0])), normal
     lowest = np.cos(np.radians(min(arc, 300.0)) / 2)  # a cap that is so wide; whole balls rest on something
-    c, turned = 1 - (1 - lowest) * (k + 0.5) / n, 2.399963 * k
+    c, angle = 1 - (1 - lowest) * (k + 0.5) / n, 2.399963 * k
     s = np.sqrt(1 - c * c)
-    N = np.c_[s * np.cos(turned), s * np.sin(turned), c]
+    N = np.c_[s * np.cos(angle), s * np.sin(angle), c]
     return RADIUS * N, N
 
 

@@ -695,8 +695,8 @@ def test_what_fails_later_is_named_too(install, tmp_path):
         write_program("lang", job)
     with pytest.raises(PluginError, match="expected a program as text, got bytes"):
         write_program("notext", job)
-    for text, text in (("machine://h", inner), ("nodriver://h", "expected a Machine with all its methods, got object")):
-        with pytest.raises(PluginError, match=text), opened(parse_machine(text)):
+    for url, text in (("machine://h", inner), ("nodriver://h", "expected a Machine with all its methods, got object")):
+        with pytest.raises(PluginError, match=text), opened(parse_machine(url)):
             pass
     there = World(Surface(*wedge_in_metres()), np.eye(4), 1e-3)
     with pytest.raises(PluginError, match=inner), opened(parse_machine("fake:machine"), there, np.zeros(3)):

@@ -60,7 +60,7 @@ PRINTS = {
     ],
     "02_which_of_twenty_brackets": [
         "recognized - 60x50x6s4b30",
-        "This reading tells 60x40x5s4b30",
+        "This reading discriminates 60x40x5s4b30",
         "unknown - The closest",
     ],
     "03_plan_touches_for_a_tolerance": [

@@ -200,6 +200,6 @@ def test_more_steps_find_what_coarse_scores_miss(sides):
     """A dozen blurred points are as likely in many attitudes of a block that is nearly a cube."""
     block, found = 1e-3 * np.array(sides), {}
     for stepped in (24, 800):
-        found = [evaluate(tables([block]), on_block(block, 12, seed)[0], stepped=stepped) for seed in range(20)]
-        found[stepped] = sum(costs[0, 0] < 2 for _, costs, _ in found)
+        results = [evaluate(tables([block]), on_block(block, 12, seed)[0], stepped=stepped) for seed in range(20)]
+        found[stepped] = sum(costs[0, 0] < 2 for _, costs, _ in results)
     assert found[24] < found[800] == 20
