@@ -1,14 +1,21 @@
-"""How many readings does a session need? ``python benchmarks/active.py SUBJECT [scenes] [seed]``.
+"""Measure how many readings a session needs: ``python benchmarks/active.py SUBJECT [scenes] [seed]``.
 
-Subjects: ``laser`` and ``flight`` (20 parts, every policy on the same scenes and seeds: readings to a part known with
-P > 0.99 and to a largest corner sd of 0.5 or 5 mm, and whether what was said then was true), ``names`` (the same parts,
-where only the part is asked for, and by one who knows the answers), ``stops`` (sessions that end by their own rule: are
-they right, are they inside), ``twins`` (one reading after locating), ``patch`` (six planned touches against six in a
-patch), ``panel`` (ten touches of a large panel), ``tells`` (random sequences of anything that can be told), ``times``
-(ask and tell over hypotheses and candidates). The parts are eight of the examples and the twelve largest of the
-step_parts set, where that is at hand. ``--processes`` and ``--keep`` as in ``campaign.py``, for
-``laser``, ``flight``, ``names``, ``stops`` and ``tells``. For the first two ``--policies NAME,NAME`` asks for some
-policies alone, and ``--unknown P`` states another prior probability of the unknown object than the usual one.
+Subjects:
+
+- ``laser``, ``flight``: 20 parts, every policy on the same scenes and seeds. The table has the readings until the part
+  is known with P > 0.99 and until the largest corner sd is 0.5 or 5 mm, and how often the answer was right then.
+- ``names``: the same parts, where only the part matters, and a policy that has the truth.
+- ``stops``: sessions that end by their own rule, and how often they end with the right part and within the tolerance.
+- ``twins``: one reading after locating.
+- ``patch``: six planned touches against six in a patch.
+- ``panel``: ten touches of a large panel.
+- ``reports``: random sequences of all kinds of readings, valid and invalid.
+- ``times``: processor time of a proposal and of an update over hypotheses and candidates.
+
+The parts are eight of the examples and the twelve largest of the step_parts set, if that is installed. ``--processes``
+and ``--keep`` work as in ``campaign.py``, for ``laser``, ``flight``, ``names``, ``stops`` and ``reports``. For the
+first
+two, ``--policies NAME,NAME`` selects policies, and ``--unknown P`` sets the prior probability of the unknown object.
 """
 
 from __future__ import annotations
@@ -23,7 +30,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from active_sessions import HERE, known_parts, policies, stops, tells
+from active_sessions import HERE, known_parts, policies, reports, stops
 from active_sessions import POLICIES as ALL
 from active_twins import twins
 from campaign import options
@@ -56,7 +63,7 @@ from tanteo.sensors import NoiseLaw
 
 
 def boxed(size):
-    """A block of that size [mm], prepared."""
+    """Return a prepared block of a given size [mm]."""
     x, y, z = size
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "block.stl"
@@ -124,7 +131,7 @@ def panel(scenes, seed):
 
 
 def times():
-    """Processor time of ask and tell."""
+    """Return a table of the processor times of a proposal and of an update."""
     target = prepare(tanteo.read_part(HERE / "examples" / "parts" / "bracket_left.step"))
     rows = []
     for hypotheses in (1, 3, 10, 30):
@@ -134,18 +141,18 @@ def times():
         start = Start((target,), np.zeros(hypotheses, dtype=int), Ts, C, np.ones(hypotheses), Priors())
         for count in (100, 500, 2000):
             state = begin(start)
-            asked = cpu(lambda b=state, n=count: _asked(b, n))
+            chosen = cpu(lambda b=state, n=count: _choose(b, n))
             session = new_session(start, LASER, least_gain=0.0)
             action = session.ask()
             readings = session.sensing.touches(action.read(true_range(target, Ts[0], action)), session.probe)
-            told = cpu(lambda b=state, r=readings: update(b, *r))
-            rows.append((str(hypotheses), str(count), f"{1e3 * asked:.0f} ms", f"{1e3 * told:.0f} ms"))
+            updated = cpu(lambda b=state, r=readings: update(b, *r))
+            rows.append((str(hypotheses), str(count), f"{1e3 * chosen:.0f} ms", f"{1e3 * updated:.0f} ms"))
     return Table(
         "Times", "One core, processor time, median of five.", ("hypotheses", "candidates", "ask", "tell"), rows
     )
 
 
-def _asked(state, count):
+def _choose(state, count):
     candidates = propose(state, replace(LASER, clearance=0.005), count)
     samples = draw(state, 128)
     expected_information(samples, predict(samples, candidates.origins, candidates.directions), LASER)
@@ -163,7 +170,7 @@ def cpu(work):
 
 
 def _taken(arguments, name):
-    """The value behind an option, which is taken out of the arguments; None if it is not there."""
+    """Remove an option from the arguments and return its value, or None if it is absent."""
     if name not in arguments:
         return None
     k = arguments.index(name)
@@ -177,11 +184,11 @@ def main():
     scenes = int(arguments[1]) if len(arguments) > 1 else 20
     seed = int(arguments[2]) if len(arguments) > 2 else 1991
     many = scenes, seed, keep, processes
-    asked = tuple(names.split(",")) if names else ALL, float(unknown) if unknown else None
+    chosen = tuple(names.split(",")) if names else ALL, float(unknown) if unknown else None
     subjects = {
-        "laser": lambda: policies("laser", *many, *asked), "flight": lambda: policies("flight", *many, *asked),
+        "laser": lambda: policies("laser", *many, *chosen), "flight": lambda: policies("flight", *many, *chosen),
         "names": lambda: known_parts(*many),
-        "stops": lambda: stops(*many), "tells": lambda: tells(*many), "twins": lambda: twins(scenes, seed),
+        "stops": lambda: stops(*many), "reports": lambda: reports(*many), "twins": lambda: twins(scenes, seed),
         "patch": patch, "panel": lambda: panel(scenes, seed), "times": times,
     }  # fmt: skip
     if subject not in subjects:

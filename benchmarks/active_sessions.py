@@ -18,13 +18,13 @@ import tanteo
 from sensing_scenes import (
     FLIGHT,
     LASER,
+    beam_hits,
     drawn_truth,
-    met_by_beams,
+    give_any_readings,
     new_session,
     off,
     rough,
     sense,
-    tell_anything,
     true_range,
 )
 from tanteo.planning import Action, Choice, draw, predict
@@ -38,12 +38,12 @@ PLACE = 0.005, 0.15
 """How roughly the place of the part is known: each axis [m], about each axis [rad]."""
 
 SENSORS = {"laser": (LASER, 5e-4), "flight": (FLIGHT, 5e-3)}
-"""Sensor, and the largest corner sd that is asked of it [m]."""
+"""Sensor, and the largest corner sd at which a part counts as placed [m]."""
 
 POLICIES = "information", "random", "nearest", "largest-face", "3-2-1"
 MOST = 30
 USUAL = Priors().unknown
-"""Prior probability of the unknown object where no other is said."""
+"""Prior probability of the unknown object if no other is given."""
 
 TOLERANCE = 1e-3
 """Of the sessions that end by themselves [m]."""
@@ -51,7 +51,7 @@ TOLERANCE = 1e-3
 
 @cache
 def twenty():
-    """The parts, prepared."""
+    """Return the twenty prepared parts."""
     parts = [tanteo.read_part(HERE / "examples" / "parts" / f"{name}.step") for name in OURS]
     if SETS.exists():
         others = sorted(tanteo.read_parts([SETS]).parts, key=lambda part: -part.diagonal)
@@ -67,7 +67,7 @@ def three():
 
 
 def readings_of(sensor, policy, seed, scene, unknown=USUAL):
-    """Readings to a known part and to a placed one (none: ``MOST`` were not enough), and whether they were right."""
+    """Return the readings until the part is known and until it is placed (``MOST + 1``: never), and both verdicts."""
     (probe, corner), targets = SENSORS[sensor], twenty()
     start, rng = rough(targets, PLACE, Priors(unknown=unknown)), np.random.default_rng((seed, scene))
     k, T = drawn_truth(start, rng, scene % len(targets))
@@ -90,7 +90,7 @@ def readings_of(sensor, policy, seed, scene, unknown=USUAL):
 
 
 def policies(sensor, scenes, seed, keep, processes, names=POLICIES, unknown=None):
-    """Readings that every policy of these names needs; ``unknown`` is the prior of the unknown object."""
+    """Return a table of the readings that each policy needs; ``unknown`` is the prior of the unknown object."""
     more = () if unknown is None else (unknown,)
     cases = [(sensor, policy, seed, scene, *more) for scene in range(scenes) for policy in names]
     done = list(zip(cases, run_cases(readings_of, cases, keep, processes), strict=True))
@@ -117,7 +117,7 @@ def _policy_row(name, rows):
 
 
 class Clairvoyant:
-    """A policy that knows what each candidate would read, and takes the one after which the true part is likeliest."""
+    """Policy that has the true reading of each candidate, and takes the one that makes the true part most probable."""
 
     name = "clairvoyant"
 
@@ -125,24 +125,24 @@ class Clairvoyant:
         self.target, self.part, self.T = target, part, T
 
     def choose(self, context):
-        """By samples of the belief, a reading without noise, and the session's outlier rate."""
+        """Choose by samples of the posterior, a reading without noise, and the session's outlier rate."""
         s, c, priors = context, context.candidates, context.state.start.priors
         samples = draw(s.state, 600)
         p = predict(samples, c.origins, c.directions)
-        true = met_by_beams(self.target, self.T[None], c.origins, c.directions)[0]  # (C, 1)
-        answers, met = p.hit & s.probe.answers(p.ranges, p.cosines), np.isfinite(true)
+        true = beam_hits(self.target, self.T[None], c.origins, c.directions)[0]  # (C, 1)
+        answers, hits = p.hit & s.probe.answers(p.ranges, p.cosines), np.isfinite(true)
         own = s.probe.variance(np.where(answers, p.ranges, 1.0), np.where(answers, p.cosines, 1.0)) + p.variances
-        gaps = np.where(answers, p.ranges, 0.0) - np.where(met, true, 0.0)
+        gaps = np.where(answers, p.ranges, 0.0) - np.where(hits, true, 0.0)
         hit = np.where(answers, np.exp(-0.5 * gaps**2 / own) / np.sqrt(2 * np.pi * own), 0.0)
         read = (1 - priors.outlier_rate) * hit + priors.outlier_rate / (2 * priors.radius)
         nothing = np.where(answers, priors.outlier_rate, 1 - priors.outlier_rate)
-        w = np.where(met, read, nothing) * samples.weights
+        w = np.where(hits, read, nothing) * samples.weights
         P = w @ (samples.part == self.part) / np.maximum(w.sum(axis=1), 1e-300)
         return Choice(int(np.argmax(P)), 1.0, Stated("The true part is most probable after it."))
 
 
 def named(policy, seed, scene):
-    """Readings until a session knows the part that asks for nothing else, and whether it is the right one."""
+    """Return the readings until a session is sure of the part, and whether the part is right."""
     (probe, _), targets = SENSORS["laser"], twenty()
     start, rng = rough(targets, PLACE), np.random.default_rng((seed, scene))
     k, T = drawn_truth(start, rng, scene % len(targets))
@@ -158,30 +158,30 @@ def named(policy, seed, scene):
 
 
 def known_parts(scenes, seed, keep, processes):
-    """Sessions that ask for the part alone, and how few readings are enough for one who knows the answers."""
-    asked = ("information", "random", Clairvoyant.name)
-    cases = [(policy, seed, scene) for scene in range(scenes) for policy in asked]
+    """Return a table of sessions that stop at a sure part; the clairvoyant policy gives a lower bound."""
+    compared = ("information", "random", Clairvoyant.name)
+    cases = [(policy, seed, scene) for scene in range(scenes) for policy in compared]
     done = list(zip(cases, run_cases(named, cases, keep, processes), strict=True))
     table = []
-    for policy in asked:
+    for policy in compared:
         rows = [row for case, row in done if case[0] == policy]
         known = [row["known"] for row in rows]
         cells = f"{np.median(known):.1f} / {np.percentile(known, 90):.1f}", f"{np.mean(known):.1f}"
         table.append((policy, *cells, f"{sum(row['right'] for row in rows)}/{scenes}"))
     columns = "policy", "part known: median / 90 %", "mean", "right"
-    text = f"{len(twenty())} parts, {scenes} scenes, laser 0.3 mm, ends at P > 0.99 whatever the pose, seed {seed}."
+    text = f"{len(twenty())} parts, {scenes} scenes, laser 0.3 mm, ends at P > 0.99 for any pose, seed {seed}."
     return Table("Which part is it?", text, columns, table)
 
 
 def ended(seed, scene):
-    """A session that ends by itself, at P > 0.99 and 1 mm at 95 %: is it right, is it inside?"""
+    """Return whether a session that ends at P > 0.99 and 1 mm at 95 % is right and within 1 mm."""
     targets, rng = twenty(), np.random.default_rng((seed, scene))
     start = rough(targets, PLACE)
     k, T = drawn_truth(start, rng)
     session = new_session(start, LASER, seed=scene, tolerance=TOLERANCE, max_measurements=40)
     end = sense(session, targets[k], T, rng)
     return {
-        "readings": session.count, "reached": end.reached, "said": session.steps[-1].within,
+        "readings": session.count, "reached": end.reached, "stated": session.steps[-1].within,
         "right": int(np.argmax(session.state.of_parts())) == k, "inside": bool(off(session, k, T) <= TOLERANCE),
     }  # fmt: skip
 
@@ -190,20 +190,20 @@ def stops(scenes, seed, keep, processes):
     """Sessions that end by themselves."""
     rows = run_cases(ended, [(seed, scene) for scene in range(scenes)], keep, processes)
     good = [row for row in rows if row["reached"]]
-    right, inside, said = (np.mean([row[key] for row in good]) for key in ("right", "inside", "said"))
+    right, inside, stated = (np.mean([row[key] for row in good]) for key in ("right", "inside", "stated"))
     cells = (
         f"{len(good)}/{scenes}", f"{np.median([row['readings'] for row in rows]):.0f}",
         f"{sum(row['right'] for row in good)}/{len(good)} ({right:.3f})",
-        f"{inside:.3f} ± {np.sqrt(0.05 * 0.95 / max(len(good), 1)):.3f}", f"{said:.3f}",
+        f"{inside:.3f} ± {np.sqrt(0.05 * 0.95 / max(len(good), 1)):.3f}", f"{stated:.3f}",
     )  # fmt: skip
     text = f"{scenes} scenes of {len(twenty())} parts, laser 0.3 mm, ends at P > 0.99 and 1 mm at 95 %, seed {seed}."
     return Table(
-        "Do sessions end rightly?", text, ("ended", "median readings", "right part", "inside", "said"), [cells]
+        "Do sessions end rightly?", text, ("ended", "median readings", "right part", "inside", "stated"), [cells]
     )
 
 
-def told(seed, number):
-    """One random sequence: as asked, wrong, free, late, repeated, not finite; how many were told, and what broke."""
+def run_sequence(seed, number):
+    """Run a random sequence of planned, wrong, free, late, repeated and infinite readings; return count and error."""
     targets, rng = three(), np.random.default_rng((seed, number))
     start = rough(targets)
     k, T = drawn_truth(start, rng)
@@ -212,17 +212,17 @@ def told(seed, number):
         "",
     )
     try:
-        tell_anything(session, targets[k], T, rng, int(rng.integers(1, 7)))
-    except Exception as error:  # noqa: BLE001 - whatever it is, it is counted and shown
+        give_any_readings(session, targets[k], T, rng, int(rng.integers(1, 7)))
+    except Exception as error:  # noqa: BLE001 - every exception is counted and shown
         broke = f"sequence {number}: {type(error).__name__}: {error}"
-    return {"tells": len(session.steps), "broke": broke}
+    return {"readings": len(session.steps), "broke": broke}
 
 
-def tells(sequences, seed, keep, processes):
-    """Random sequences of anything that can be told; each tell must leave a valid belief."""
-    rows = run_cases(told, [(seed, number) for number in range(sequences)], keep, processes)
+def reports(sequences, seed, keep, processes):
+    """Return a table of random sequences of readings; each must leave a valid posterior."""
+    rows = run_cases(run_sequence, [(seed, number) for number in range(sequences)], keep, processes)
     broken = [row["broke"] for row in rows if row["broke"]]
     print(*broken, sep="\n", file=sys.stderr)
-    text = "Weights sum to one, covariances are positive, nothing is raised but for what is not finite."
-    cells = tuple(map(str, (sequences, sum(row["tells"] for row in rows), len(broken))))
-    return Table("Random sequences of tell", text, ("sequences", "tells", "broken"), [cells])
+    text = "Weights sum to one, covariances are positive, only values that are not finite raise an error."
+    cells = tuple(map(str, (sequences, sum(row["readings"] for row in rows), len(broken))))
+    return Table("Random sequences of readings", text, ("sequences", "readings", "broken"), [cells])

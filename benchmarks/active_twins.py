@@ -1,4 +1,4 @@
-"""Twins, for ``active.py``: one reading after locating, and what any one reading can tell."""
+"""Twins, for ``active.py``: one reading after locating, and the best that one reading allows."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from common import Table
 
 import tanteo
-from sensing_scenes import FLIGHT, LASER, located, met_by_beams, new_session, sense
+from sensing_scenes import FLIGHT, LASER, beam_hits, located, new_session, sense
 from tanteo.geometry import SE3
 from tanteo.planning import Start
 from tanteo.planning.discrimination import most_similar_poses
@@ -43,26 +43,31 @@ def drawn(start, part, count, rng):
 
 
 def chance(ranges, sd):
-    """How often who makes the best of one reading is right, of true ranges of two parts ``(S,)`` each, infinite: none.
+    """Return how often the best decision after one reading is right, for samples of the true ranges of two parts.
 
-    The larger of both densities, summed over what may be read, of samples on a fine grid blurred by the noise.
+    The result is the sum of the larger of both densities over all readings. The densities are samples on a fine grid,
+    blurred by the noise.
+
+    Args:
+        ranges: true ranges for each of the two parts ``(S,)`` [m], infinite where the beam misses.
+        sd: standard deviation of the noise [m].
     """
-    met = [r[np.isfinite(r)] for r in ranges]
-    missed = [1 - len(m) / len(r) for m, r in zip(met, ranges, strict=True)]
-    if not any(map(len, met)):
+    hits = [r[np.isfinite(r)] for r in ranges]
+    missed = [1 - len(m) / len(r) for m, r in zip(hits, ranges, strict=True)]
+    if not any(map(len, hits)):
         return 0.5
-    low, high, h = min(m.min(initial=np.inf) for m in met), max(m.max(initial=-np.inf) for m in met), sd / 8
+    low, high, h = min(m.min(initial=np.inf) for m in hits), max(m.max(initial=-np.inf) for m in hits), sd / 8
     edges = low - 5 * sd + h * np.arange((high - low) / h + 82)
     blur = np.exp(-0.5 * (np.arange(-32, 33) / 8) ** 2)
     p = [
         np.convolve(np.histogram(m, edges)[0], blur / blur.sum(), "same") / len(r)
-        for m, r in zip(met, ranges, strict=True)
+        for m, r in zip(hits, ranges, strict=True)
     ]
     return 0.5 * (np.maximum(*p).sum() + max(missed))
 
 
 def max_measurements(pair, k, probe, beams_tried, draws, seed):
-    """How often the best of so many beams, from anywhere, lets one be right who makes the best of what it reads."""
+    """Return how often the best decision is right after the best of random beams from anywhere."""
     rng, start = np.random.default_rng((seed, k)), either(pair, k, probe)
     v = pair[k].part.vertices
     aims = rng.uniform(v.min(axis=0) - WIDE, v.max(axis=0) + WIDE, (beams_tried, 3))
@@ -71,14 +76,14 @@ def max_measurements(pair, k, probe, beams_tried, draws, seed):
     d[half:] = np.eye(3)[rng.integers(3, size=beams_tried - half)] * rng.choice([-1, 1], (beams_tried - half, 1))
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     origins, sd = aims - probe.standoff * d, float(probe.law.const)
-    r = [met_by_beams(pair[j], drawn(start, j, draws, rng), origins, d)[0] for j in (0, 1)]
+    r = [beam_hits(pair[j], drawn(start, j, draws, rng), origins, d)[0] for j in (0, 1)]
     r = [np.where(x < probe.max_range, x, np.inf) for x in r]
     chosen = np.argmax([chance([x[b, ::2] for x in r], sd) for b in range(beams_tried)])
     return chance([x[chosen, 1::2] for x in r], sd)  # by other draws than it was chosen by
 
 
 def row(names, probe, scenes, seed):
-    """One pair with one sensor: how often right, how often sure and right, and what is possible."""
+    """Return the row of one pair and sensor: how often right, how often sure and right, and the best possible."""
     pair = [prepare(tanteo.read_part(PARTS / f"{n}.step")) for n in names]
     right = sure = 0
     for scene in range(scenes):
@@ -96,7 +101,7 @@ def row(names, probe, scenes, seed):
 
 
 def twins(scenes, seed):
-    """One reading after locating: which of the two is it?"""
+    """Return a table of the decisions between twins after one reading."""
     text = (
         "The part is located to 0.2 mm (laser) or 2 mm (time of flight) at its corners, as either of the two. "
         "PossiblePoses: the best of 4,000 beams from anywhere, its reading used as well as it can be."

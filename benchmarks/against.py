@@ -34,8 +34,9 @@ COLUMNS = (
 
 TEXT = """\
 Right: the best mode is the true part within 3 mm and 5 degrees of its pose or within ten standard deviations (without
-the latter for bracket_*; 0.7 mm for thin_sheet); of parts12_stranger, whose part is no candidate, that the object is
-said to be unknown. Among: such a mode anywhere in the answer. Claimed: mean probability of the best mode, beside the
+the latter for bracket_*; 0.7 mm for thin_sheet). The part of parts12_stranger is no candidate; there, the answer
+"unknown"
+is right. Among: such a mode anywhere in the answer. Claimed: mean probability of the best mode, beside the
 share of them that is right. NEES: per degree of freedom, of right answers; if covariances are true, 95 % of such means
 are in the interval and medians are about 0.89. Region: how often that of the best mode holds the truth, over answers
 that are recognized. Times of sessions are for one reading.{}"""
@@ -60,8 +61,9 @@ class Side:
     fixed: bool
     process: subprocess.Popen | None = field(default=None, init=False)
 
-    def ask(self, row: str, number: int, seed: int) -> dict:
-        """What its process answers; a process that died has failed the scene, and another takes over."""
+    def answer(self, row: str, number: int, seed: int) -> dict:
+        """Return the reply of the worker process; if the process died, return a failure and start another for the next
+        scene."""
         process = self.process or self.start()
         try:
             print(json.dumps((row, number, seed)), file=process.stdin, flush=True)
@@ -96,7 +98,7 @@ class Side:
 
 
 def side_of(text: str, cache: Path) -> Side:
-    """The side that an argument names, built if it has to be."""
+    """Return the side that an argument names, and build it if necessary."""
     if text == ".":
         return Side("working tree", git("describe", "--always", "--dirty"), Path(sys.executable), cache / "here", False)
     revision = git("rev-parse", "--verify", f"{text}^{{commit}}")
@@ -108,7 +110,7 @@ def side_of(text: str, cache: Path) -> Side:
 
 
 def build(revision: str, folder: Path, python: Path) -> None:
-    """A worktree of the commit and an environment with it."""
+    """Make a worktree of the commit and an environment with it."""
     print(f"building {revision} in {folder}", file=sys.stderr, flush=True)
     source = folder / "source"
     if not source.exists():
@@ -132,7 +134,7 @@ def kept_in(files: list[Path]) -> dict:
 
 
 def run(sides: list[Side], rows: dict[str, int], options: argparse.Namespace) -> Iterator[tuple[str, list[list[dict]]]]:
-    """Each row with the answers of each side, by number."""
+    """Yield each row with the answers of each side, in order of their numbers."""
     kept = kept_in(options.kept)
     for row, count in rows.items():
         answers = [[{}] * count for _ in sides]
@@ -142,7 +144,7 @@ def run(sides: list[Side], rows: dict[str, int], options: argparse.Namespace) ->
                 for k in range(start, min(start + options.block, count)):
                     key = sides[s].revision, row, k, options.seed
                     known = kept.get(key) if sides[s].fixed else None
-                    answers[s][k] = known or sides[s].ask(row, k, options.seed)
+                    answers[s][k] = known or sides[s].answer(row, k, options.seed)
                     if known is None and options.keep:
                         keep(options.keep, key, answers[s][k])
         print(f"{row}: {count} scenes", file=sys.stderr, flush=True)
@@ -157,19 +159,19 @@ def keep(file: Path, key: tuple, answer: dict) -> None:
 
 
 def cells(answers: list[dict]) -> list[str]:
-    """The columns of one side."""
+    """Return the columns of one side."""
     good = [a for a in answers if "failed" not in a]
     if not good:
         return ["failed", *[""] * 7]
     failed, n = len(answers) - len(good), len(good)
-    right, stranger = sum(a["right"] for a in good), good[0]["stranger"]
+    right, absent = sum(a["right"] for a in good), good[0]["absent"]
     sure = [bool(a["inside"]) for a in good if a["status"] == "recognized"]
     return [
         f"{right}/{n}" + (f", {failed} failed" if failed else ""),
-        "" if stranger else f"{sum(a['among'] for a in good)}/{n}",
-        f"{np.mean([a['P'] for a in good]):.3f} / {0 if stranger else right / n:.3f}",
+        "" if absent else f"{sum(a['among'] for a in good)}/{n}",
+        f"{np.mean([a['P'] for a in good]):.3f} / {0 if absent else right / n:.3f}",
         consistency([a for a in good if a["right"] and a["nees"] is not None]),
-        "" if stranger or not sure else f"{100 * np.mean(sure):.1f} % of {len(sure)}",
+        "" if absent or not sure else f"{100 * np.mean(sure):.1f} % of {len(sure)}",
         f"{np.mean([a['unknown'] for a in good]):.3f}",
         *(f"{f([a['ms'] for a in good]):.3g}" for f in (np.median, np.max)),
     ]
@@ -198,7 +200,7 @@ def differing(answers: list[list[dict]]) -> int:
 
 
 def table(sides: list[Side], rows: dict[str, int], options: argparse.Namespace) -> Table:
-    """Everything, as it is printed."""
+    """Return the whole table."""
     lines, differ = [], 0
     for row, answers in run(sides, rows, options):
         differ += differing(answers)
@@ -212,15 +214,15 @@ def table(sides: list[Side], rows: dict[str, int], options: argparse.Namespace) 
 
 
 def chosen(names: list[str], count: int | None) -> dict[str, int]:
-    """Rows and their counts; a name that is no row stands for all that begin with it, ``NAME=N`` has its own count."""
-    asked = {name: own or 0 for name, _, own in (text.partition("=") for text in names)}
-    unknown = [name for name in asked if not any(row.startswith(name) for row in ROWS)]
+    """Return rows and their counts; a name that is no row selects all that begin with it, ``NAME=N`` sets a count."""
+    counts = {name: own or 0 for name, _, own in (text.partition("=") for text in names)}
+    unknown = [name for name in counts if not any(row.startswith(name) for row in ROWS)]
     if unknown:
         raise SystemExit(f"--rows: expected some of {', '.join(ROWS)}, got {', '.join(unknown)}.")
     out = {}
     for row, (_, usual) in ROWS.items():
-        mine = [own for name, own in asked.items() if name == row or (name not in ROWS and row.startswith(name))]
-        if (mine or not asked) and (BRACKET.is_file() or not row.startswith("bracket_")):
+        mine = [own for name, own in counts.items() if name == row or (name not in ROWS and row.startswith(name))]
+        if (mine or not counts) and (BRACKET.is_file() or not row.startswith("bracket_")):
             out[row] = int((mine or [0])[0]) or count or usual
     return out
 

@@ -1,6 +1,7 @@
 """Poses, points, beams and made-up parts for ``against_scenes.py``: NumPy and, of a part, its mesh and its cylinders.
 
-What two commits compute differently must not change what they are asked. Metres and radians.
+Results must not depend on what two commits compute differently: only the inputs of a scene are made here. Metres and
+radians.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ def anywhere(rng):
 
 
 def spread(place, degrees):
-    """Covariance of a pose, alike on every axis."""
+    """Return the covariance of a pose with equal standard deviations on all axes."""
     return np.diag(np.repeat([place, np.radians(degrees)], 3)) ** 2
 
 
@@ -92,7 +93,7 @@ def onto_cylinders(part, points, normals, triangles, along=None):
 
 
 def cast(part, origins, directions):
-    """How far the mesh is along each ray, infinite for no hit, and the triangle that it meets first."""
+    """Return the distance of the mesh along each ray (infinite: no hit) and the triangle that the ray hits first."""
     a, b, c = part.vertices[part.triangles].transpose(1, 0, 2)
     p = np.cross(directions[:, None], c - a)
     det = np.sum(p * (b - a), axis=-1)
@@ -148,7 +149,7 @@ def made_files(folder: Path, demo: Path) -> None:
 
 
 def _prism(outline, height):
-    """Corners of the triangles of an extruded outline, all of which its first corner sees ``(T, 3, 3)``."""
+    """Return the triangles ``(T, 3, 3)`` of an extruded outline that is star-shaped about its first corner."""
     low, high = (np.column_stack([outline, np.full(len(outline), z)]) for z in (-height / 2, height / 2))
     k = np.arange(1, len(outline) - 1)
     ends = [[high[0], high[i], high[i + 1]] for i in k] + [[low[0], low[i + 1], low[i]] for i in k]
@@ -158,7 +159,7 @@ def _prism(outline, height):
 
 
 def _write(path, corners):
-    """A binary STL file."""
+    """Write a binary STL file."""
     rows = np.zeros(len(corners), STL)
     rows["corners"] = corners
     path.write_bytes(bytes(80) + np.uint32(len(rows)).tobytes() + rows.tobytes())

@@ -48,21 +48,21 @@ quaternion_wxyz = [1, 0, 0, 0]
 
 @dataclass(frozen=True)
 class Scene:
-    """One question and its truth.
+    """One problem and its true answer.
 
     Attributes:
         truth: key of the part that was sensed.
-        T: its pose in the world.
-        columns: of the readings.
+        T: pose of that part in the world.
+        columns: columns of the readings.
         among: keys of the candidates.
         close: an estimate this near the truth is right [m, rad].
-        strict: no other estimate is right; else also one within ten standard deviations is.
-        prior: prior pose and its covariance, part frame; for a session those of the place.
+        strict: whether no other estimate is right; otherwise one within ten standard deviations is right, too.
+        prior: prior pose and its covariance, part frame; for a session, of the expected place of the part.
         tip_sd: standard deviations of the tip's offset, which all readings share [m].
         rig: text of a rig file.
-        session: ``told`` all readings at once, or ``asked``: it chooses its own; empty for no session.
+        session: ``given`` (all readings at once) or ``planned`` (the session chooses them); empty for no session.
         sd: noise of a session's laser [m].
-        readings: that a session may ask for.
+        readings: largest number of readings that a session may plan.
     """
 
     truth: str
@@ -87,7 +87,7 @@ def draw(row: str, number: int, seed: int, part: Callable) -> Scene:
 
 
 def bracket(n, normal_sd=0.0):
-    """A bracket of 80 x 60 x 50 mm, 0.5 mm, with or without sensed normals."""
+    """Return a maker of scenes with a bracket of 80 x 60 x 50 mm, noise 0.5 mm, with or without sensed normals."""
 
     def make(part, number, rng):
         T = anywhere(rng)
@@ -191,22 +191,22 @@ def free_rays(part, number, rng):
 
 
 def feeder(n):
-    """A session about one of three parts in a feeder, which asks for every reading of a laser."""
+    """Return a maker of sessions with one of three parts in a feeder; the session plans every reading of a laser."""
 
     def make(part, number, rng):
         truth, C, place = FEEDER[number % len(FEEDER)], spread(15e-3, 10), exp(np.array([0.4, -0.1, 0.05, 0, 0, 0.5]))
         T = place @ exp(np.sqrt(np.diag(C)) * rng.normal(size=6)) @ pose(np.eye(3), -part(truth).centroid)
-        return Scene(truth, T, {}, FEEDER, prior=(place, C), session="asked", sd=3e-4, readings=n)
+        return Scene(truth, T, {}, FEEDER, prior=(place, C), session="planned", sd=3e-4, readings=n)
 
     return make
 
 
 def at_once(part, number, rng):
-    """A session that is told eight exact contact points at once, prior of the place 3 mm and 2 degrees."""
+    """Return a session that gets eight exact contact points at once, prior of the place 3 mm and 2 degrees."""
     C = spread(3e-3, 2)
     T = exp(np.sqrt(np.diag(C)) * rng.normal(size=6)) @ pose(np.eye(3), -part("block").centroid)
     columns = contact_columns(on_surface(part("block"), 8, rng)[0], T, 2e-5, rng)
-    return Scene("block", T, columns, ("block",), prior=(np.eye(4), C), session="told", sd=2e-5)
+    return Scene("block", T, columns, ("block",), prior=(np.eye(4), C), session="given", sd=2e-5)
 
 
 def bar(key, side):

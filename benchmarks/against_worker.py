@@ -1,7 +1,7 @@
-"""One side of ``against.py``: is asked scenes by JSON lines and answers each with how good and how fast its answer was.
+"""One side of ``against.py``: it answers scenes, sent as JSON lines, and measures accuracy and processor time.
 
-It runs in the environment of the commit that it measures and uses nothing of tanteo but its public door. What is judged
-is judged here by NumPy alone: errors of a pose are right perturbations in the part frame, translation first.
+It runs in the environment of the commit that it measures and uses only the public API of tanteo. NumPy alone judges the
+answers: errors of a pose are right perturbations in the part frame, translation first.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def _rig(text, folder):
 
 
 def new_session(scene, parts):
-    """A session about a place, with a laser."""
+    """Return a session for one place, with a laser."""
     from tanteo.planning import Probe, Sensing, Session, Stop, at_place
     from tanteo.sensors import NoiseLaw
 
@@ -67,11 +67,11 @@ def new_session(scene, parts):
     return Session(at_place(parts, *scene.prior), laser, Sensing(sd=scene.sd), stop=stop)
 
 
-# Asking
+# Answers
 
 
 def part_reader(examples, demo, bracket, folder):
-    """Reads the part of a key, once."""
+    """Return a function that reads the part of a key, once."""
     made_files(folder, demo)
 
     @cache
@@ -86,10 +86,10 @@ def part_reader(examples, demo, bracket, folder):
     return part
 
 
-def ask(scene, part, folder, rng):
-    """The answer to a scene, and CPU time [ms], of a session that of one reading."""
+def answer_scene(scene, part, folder, rng):
+    """Return the answer to a scene and its CPU time [ms]; for a session, the time of one reading."""
     parts = [part(key) for key in scene.among]
-    if scene.session == "asked":
+    if scene.session == "planned":
         return converse(scene, parts, part(scene.truth), rng)
     readings, more = tanteo.Readings.from_columns(**scene.columns), {} if scene.session else options(scene, folder)
     start = time.process_time()
@@ -105,7 +105,7 @@ def ask(scene, part, folder, rng):
 
 
 def converse(scene, parts, own, rng):
-    """A session that asks for its readings; their noise goes by their number."""
+    """Run a session that plans its readings; the noise depends on the number of the reading only."""
     start = time.process_time()
     session, count, noise = new_session(scene, parts), 0, scene.sd * rng.normal(size=scene.readings)
     to_part = np.linalg.inv(scene.T)
@@ -140,7 +140,7 @@ def log(T):
 
 
 def without_symmetric_rotation(gap, axis):
-    """A relative pose without the turn about a part's axis of symmetry ``(2, 3)``."""
+    """Return a relative pose without its rotation about a part's axis of symmetry ``(2, 3)``."""
     if axis is None:
         return gap
     w = log(gap)[3:]
@@ -150,7 +150,7 @@ def without_symmetric_rotation(gap, axis):
 
 
 def errors(h, truth, part):
-    """How far a hypothesis is off, symmetric poses being one: of the centroid [m], angle [rad], NEES and its dof."""
+    """Return the error of a hypothesis modulo symmetry: distance of the centroid [m], angle [rad], NEES and its dof."""
     T, back = h.T_world_part, np.linalg.inv(h.T_world_part)
     images = [np.eye(4), *(back @ image for image in h.symmetry_poses)]
     axis = None if h.symmetry_axis is None else at(back, h.symmetry_axis)
@@ -165,7 +165,7 @@ def errors(h, truth, part):
 
 
 def is_right(h, scene, part):
-    """Whether a hypothesis is of the true part and at its pose."""
+    """Return whether a hypothesis has the true part at its pose."""
     if h.part != part.name:
         return False
     moved, angle, nees, dof = errors(h, scene.T, part)
@@ -173,14 +173,14 @@ def is_right(h, scene, part):
 
 
 def judge(answer, scene, part):
-    """What the table needs of an answer; of a part that is not among the candidates, "unknown" is right."""
+    """Return the figures of an answer; "unknown" is right if the part is not among the candidates."""
     found, own = answer.hypotheses, part(scene.truth)
     row = {
         "status": answer.status, "P": float(found[0].probability) if found else 0.0, "poses": len(found),
-        "unknown": float(answer.unknown_probability), "stranger": scene.truth not in scene.among,
+        "unknown": float(answer.unknown_probability), "absent": scene.truth not in scene.among,
         "among": None, "nees": None, "dof": 6, "inside": None,
     }  # fmt: skip
-    if row["stranger"]:
+    if row["absent"]:
         return row | {"right": answer.status == "unknown"}
     right = [is_right(h, scene, own) for h in found]
     row |= {"right": any(right[:1]), "among": any(right)}
@@ -191,13 +191,13 @@ def judge(answer, scene, part):
 
 
 def checksum(scene):
-    """A number that two sides share if they were asked the same."""
+    """Return a number that is equal for two sides exactly if they got the same scene."""
     columns = [np.asarray(v) for v in (scene.T, *scene.columns.values())]
     return float(sum(np.nansum(a.ravel() * np.cos(np.arange(a.size))) for a in columns if a.dtype.kind == "f"))
 
 
 def main():
-    """Says where tanteo is, then answers until the input ends; all else that prints, prints to the error stream."""
+    """Print where tanteo is installed, then answer until the input ends; all other output goes to the error stream."""
     out, sys.stdout = sys.stdout, sys.stderr
     warm = set()
     with tempfile.TemporaryDirectory() as name:
@@ -208,11 +208,11 @@ def main():
             scene = draw(row, number, seed, part)
             rng = np.random.default_rng((seed, number, 1))
             if not (fresh := {(row, key) for key in scene.among}) <= warm:  # preparing a part is not timed
-                ask(draw(row, number + ELSEWHERE, seed, part), part, Path(name), np.random.default_rng(0))
+                answer_scene(draw(row, number + ELSEWHERE, seed, part), part, Path(name), np.random.default_rng(0))
                 warm |= fresh
-            answer, ms = ask(scene, part, Path(name), rng)
-            told = judge(answer, scene, part) | {"ms": ms, "check": checksum(scene)}
-            print(json.dumps(told), file=out, flush=True)
+            answer, ms = answer_scene(scene, part, Path(name), rng)
+            judged = judge(answer, scene, part) | {"ms": ms, "check": checksum(scene)}
+            print(json.dumps(judged), file=out, flush=True)
 
 
 if __name__ == "__main__":

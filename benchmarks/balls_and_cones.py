@@ -1,8 +1,9 @@
-"""Plates known by their balls and countersinks: ``python benchmarks/balls_and_cones.py [scenes] [families] [seed]``.
+"""Recognize plates by their balls and countersinks: ``python benchmarks/balls_and_cones.py [scenes] [families]
+[seed]``.
 
-Ten plates a family, made anew, each with two to four balls on it and two to four countersinks. Of one of them, in any
-pose, centres of up to four of these are sensed to 0.03 mm, apexes with their axis to 0.3 degrees, and four points of
-the upper face; in every other scene size and side, too. Beside them ball bars: two balls and a face.
+Each family has ten random plates with two to four balls and two to four countersinks. One plate is sensed in any pose:
+centres of up to four balls or countersinks to 0.03 mm, apexes with their axis to 0.3 degrees, and four points of the
+upper face. Every other scene has size and side as well. A second set of parts are ball bars: two balls and a face.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def plate(rng):
 
 
 def bar(rng):
-    """A long block with two balls."""
+    """Return a long block with two balls."""
     half = np.array([rng.uniform(50, 90), 12.0])
     ends = (-half[0] + 15, half[0] - 15)
     return half, 10.0, [(x, 0.0, float(rng.choice([6.0, 8.0, 10.0]))) for x in ends], []
@@ -61,20 +62,20 @@ def part_of(spec, name, folder):
     return read_part(folder / f"{name}.step")
 
 
-def sensed(spec, T, rng, *, told):
-    """Up to four centres and apexes, and four points of the upper face."""
+def sensed(spec, T, rng, *, sized):
+    """Return up to four centres and apexes, and four points of the upper face."""
     half, thick, balls, sinks = spec
-    things = [("sphere_centre", (x, y, thick + 0.6 * r), 1e-3 * r, "boss") for x, y, r in balls]
-    things += [("apex", (x, y, thick - r), np.pi / 4, "hole") for x, y, r in sinks]
-    some = [things[k] for k in rng.permutation(len(things))[:4]]
-    around = [(np.array([x, y]), r, False) for x, y, r in [*balls, *sinks]]
-    face = on_top(None, (False, half, thick, around, []), 4, rng)
+    marks = [("sphere_centre", (x, y, thick + 0.6 * r), 1e-3 * r, "boss") for x, y, r in balls]
+    marks += [("apex", (x, y, thick - r), np.pi / 4, "hole") for x, y, r in sinks]
+    some = [marks[k] for k in rng.permutation(len(marks))[:4]]
+    circles = [(np.array([x, y]), r, False) for x, y, r in [*balls, *sinks]]
+    face = on_top(None, (False, half, thick, circles, []), 4, rng)
     p = np.concatenate([1e-3 * np.array([at for _, at, _, _ in some]), face]) @ T[:3, :3].T + T[:3, 3]
     n, m = len(some), len(face)
     axes = T[:3, 2] + TILT * rng.normal(size=(n, 3))
     plain = np.array([kind != "apex" for kind, *_ in some])
     axes[plain] = np.nan
-    sizes = np.array([size if told else np.nan for _, _, size, _ in some])
+    sizes = np.array([size if sized else np.nan for _, _, size, _ in some])
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     return Readings.from_columns(
         points=p + SD * rng.normal(size=p.shape), sds=np.full(n + m, SD),
@@ -84,7 +85,7 @@ def sensed(spec, T, rng, *, told):
         normal_sds=np.r_[np.where(plain, np.nan, TILT), np.full(m, np.nan)],
         hole_radii=np.r_[np.where(plain, sizes, np.nan), np.full(m, np.nan)],
         half_angles=np.r_[np.where(plain, np.nan, sizes), np.full(m, np.nan)],
-        material_sides=[side if told else "" for *_, side in some] + [""] * m,
+        material_sides=[side if sized else "" for *_, side in some] + [""] * m,
     )  # fmt: skip
 
 
@@ -101,8 +102,8 @@ def main(scenes=200, families=20, seed=1):
                 parts = [part_of(spec, f"part_{k}", Path(folder)) for k, spec in enumerate(specs)]
             for number in range(scenes // families):
                 k, T = int(rng.integers(len(parts))), box_centred_pose(rng)
-                told = bool(number % 2) or make is bar
-                results.append(outcome(sensed(specs[k], T, rng, told=told), parts, parts[k], T))
+                sized = bool(number % 2) or make is bar
+                results.append(outcome(sensed(specs[k], T, rng, sized=sized), parts, parts[k], T))
         row(name, results)
 
 

@@ -44,11 +44,10 @@ class Finder:
 
 def tasks() -> dict[str, Callable[[], object]]:
     """Return the loops to time, by name."""
-    from inference.test_coarse_look import look, on_block, tables
-
     from core.bodies import flat_bodies
-    from core.questions import asked, near_pose, random_pose, with_shared
+    from core.questions import near_pose, point_question, random_pose, with_shared
     from core.test_rounds import fit
+    from posterior.test_coarse_evaluation import evaluate, on_block, tables
     from tanteo import _core
 
     rng = np.random.default_rng(0)
@@ -59,11 +58,11 @@ def tasks() -> dict[str, Callable[[], object]]:
     noise, shared = np.tile(1e-6 * np.eye(3), (40, 12, 1, 1)), np.zeros((12, 3, 0))
     T = random_pose(rng)
     p = rng.uniform(-0.03, 0.03, size=(60, 3))
-    question = with_shared(asked(p @ T[:3, :3].T + T[:3, 3], 3e-3), 2, rng)
+    question = with_shared(point_question(p @ T[:3, :3].T + T[:3, 3], 3e-3), 2, rng)
     Ts, zs = np.stack([near_pose(T, rng, 5e-3, 0.1) for _ in range(200)]), np.zeros((200, 2))
     shape, core, blurs = flat_bodies()["bracket"].shape(), question.core(), np.array([6e-3])
     return {
-        "coarse search of 40 parts": lambda: look(catalogue, points),
+        "coarse search of 40 parts": lambda: evaluate(catalogue, points),
         "120 round features": lambda: [fit(k, points=ball, covs=noise, shared_jacobian=shared) for k in (0, 1, 3)],
         "likelihood, 200 poses": lambda: _core.log_densities(shape, core, Ts, zs),
         "gradient and information, 200 poses": lambda: _core.slopes(shape, core, Ts, zs),

@@ -72,7 +72,7 @@ def _in_a_process(over: str, number: int) -> dict[str, float]:
 
 
 def one(over: str, number: int) -> dict[str, float]:
-    """One row: seconds, megabytes, milliseconds."""
+    """Return one row: seconds, megabytes, milliseconds."""
     rng = np.random.default_rng(1991)
     _warm(rng)
     with tempfile.TemporaryDirectory() as folder:
@@ -109,10 +109,10 @@ def _prepared(part: Part) -> PreparedPart:
 
 
 def blob(meridians: int, bands: int) -> tuple[np.ndarray, np.ndarray]:
-    """A smooth closed surface without symmetry [mm], ``2 meridians (bands - 1)`` triangles."""
+    """Return a smooth closed surface without symmetry [mm] with ``2 meridians (bands - 1)`` triangles."""
     polar = np.pi * np.arange(1, bands) / bands
-    around = 2 * np.pi * np.arange(meridians) / meridians
-    t, a = np.meshgrid(polar, around, indexing="ij")
+    longitudes = 2 * np.pi * np.arange(meridians) / meridians
+    t, a = np.meshgrid(polar, longitudes, indexing="ij")
     d = np.stack([np.sin(t) * np.cos(a), np.sin(t) * np.sin(a), np.cos(t)], axis=-1).reshape(-1, 3)
     d = np.concatenate([d, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
     x, y, z = d.T
@@ -165,7 +165,7 @@ def resident() -> float:
 
 
 def high_water() -> float:
-    """The most memory in use since ``start_again`` [MB]."""
+    """Return the largest memory in use since ``start_again`` [MB]."""
     return status("VmHWM")
 
 

@@ -68,7 +68,7 @@ def plain_numpy(data: Data) -> Contestant:
 
 
 def _loop(one: Callable[..., Answer], columns: list[list[object]], rotation_first: bool) -> Contestant:
-    """A contestant that has to take the pairs one by one, results kept in a list."""
+    """Return a contestant that takes the pairs one by one and keeps the results in a list."""
 
     def work() -> list[Answer]:
         return [one(*row) for row in zip(*columns, strict=True)]

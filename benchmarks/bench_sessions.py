@@ -24,22 +24,22 @@ PART = Path(__file__).parents[1] / "examples" / "parts" / "bracket_left.step"
 HYPOTHESES, CANDIDATES = 10, 500
 TIP_SD = 1e-3, 1e-3, 3e-4
 READINGS, EARLY, LATE, ABOUT = 306, 40, 300, 6
-"""Readings told one by one; the tells that are compared, and how many on either side of them are taken with them."""
+"""Readings given one by one; the two updates that are compared; the number of neighbours of each in its median."""
 
 REPEATS = 9
-ASK_TARGET, TELL_TARGET, RATIO_TARGET = 15.0, 5.0, 1.3
+PLAN_TARGET, UPDATE_TARGET, RATIO_TARGET = 15.0, 5.0, 1.3
 
 TEXT = f"""\
 One bracket at {HYPOTHESES} places of 1 mm each, laser of 0.3 mm, {CANDIDATES} candidates (a session's own number);
-process time. "First": a new session's first question and the tell after it, median of {REPEATS}. "Then": questions 2
-to {READINGS // 10} of a session and the tells that answer them, median / worst. {EARLY} and {LATE}: {READINGS} readings
-of what may be aimed at, told one by one without questions; the median of the {2 * ABOUT + 1} tells about each. The
-tip's offset is one draw for the run, {1e3 * TIP_SD[0]:g} x {1e3 * TIP_SD[1]:g} x {1e3 * TIP_SD[2]:g} mm. Aims: ask
-{ASK_TARGET:g} ms, tell {TELL_TARGET:g} ms ({ASK_TARGET:g} ms with a tip), ratio {RATIO_TARGET:g}."""
+process time. "First": the first plan of a new session and the update after it, median of {REPEATS}. "Then": plans 2
+to {READINGS // 10} of a session and the updates after them, median / worst. {EARLY} and {LATE}: {READINGS} readings
+at candidates, given one by one without plans; the median of the {2 * ABOUT + 1} updates about each. The tip's offset is
+one draw for the run, {1e3 * TIP_SD[0]:g} x {1e3 * TIP_SD[1]:g} x {1e3 * TIP_SD[2]:g} mm. Targets: plan
+{PLAN_TARGET:g} ms, update {UPDATE_TARGET:g} ms ({PLAN_TARGET:g} ms with a tip), ratio {RATIO_TARGET:g}."""
 
 COLUMNS = (
-    "", "first ask [ms]", "first tell [ms]", "then ask [ms]", "then tell [ms]", f"tell {EARLY} [ms]",
-    f"tell {LATE} [ms]", "ratio",
+    "", "first plan [ms]", "first update [ms]", "then plan [ms]", "then update [ms]", f"update {EARLY} [ms]",
+    f"update {LATE} [ms]", "ratio",
 )  # fmt: skip
 
 
@@ -47,20 +47,20 @@ def measure() -> Table:
     target = prepare(read_part(PART))
     start = several(target)
     rows = []
-    for name, tip_sd in (("as it is", None), ("with a tip", TIP_SD)):
+    for name, tip_sd in (("without a tip", None), ("with a tip", TIP_SD)):
         sensing = Sensing(sd=float(LASER.law.const), tip_sd=tip_sd)
         first = np.median([_first(start, target, sensing) for _ in range(REPEATS + 1)][1:], axis=0)
-        asks, tells = _then(start, target, sensing)
+        plans, updates = _then(start, target, sensing)
         early, late = _late(start, target, sensing)
         rows.append((
-            name, *(f"{1e3 * value:.1f}" for value in first), *(_usual(values) for values in (asks, tells)),
+            name, *(f"{1e3 * value:.1f}" for value in first), *(_usual(values) for values in (plans, updates)),
             f"{1e3 * early:.1f}", f"{1e3 * late:.1f}", f"{late / early:.2f}",
         ))  # fmt: skip
-    return Table("Asking and telling", TEXT, COLUMNS, rows)
+    return Table("Plans and updates of a session", TEXT, COLUMNS, rows)
 
 
 def several(target: PreparedPart) -> Start:
-    """One part at ``HYPOTHESES`` places."""
+    """Return a start with one part at ``HYPOTHESES`` poses."""
     xi = 0.05 * np.random.default_rng(1).normal(size=(HYPOTHESES - 1, 6))
     Ts, C = SE3.exp(np.r_[[np.zeros(6)], xi]), np.tile(located(target, 1e-3), (HYPOTHESES, 1, 1))
     return Start((target,), np.zeros(HYPOTHESES, dtype=int), Ts, C, np.ones(HYPOTHESES), Priors())
@@ -79,27 +79,27 @@ def _read(target: PreparedPart, T: np.ndarray, action: Action, rng: np.random.Ge
 
 def _first(start: Start, target: PreparedPart, sensing: Sensing) -> tuple[float, float]:
     session = _session(start, sensing)
-    asked, action = _timed(session.ask)
+    planning, action = _timed(session.ask)
     reading = _read(target, start.Ts[0], action, np.random.default_rng(0))
-    return asked, _timed(lambda: session.tell(reading))[0]
+    return planning, _timed(lambda: session.tell(reading))[0]
 
 
 def _then(start: Start, target: PreparedPart, sensing: Sensing) -> tuple[list[float], list[float]]:
-    """Of a session that goes on."""
-    session, rng, asks, tells = _session(start, sensing), np.random.default_rng(0), [], []
+    """Return the times of plans and updates of one longer session."""
+    session, rng, plans, updates = _session(start, sensing), np.random.default_rng(0), [], []
     while session.count < READINGS // 10:
-        asked, action = _timed(session.ask)
+        planning, action = _timed(session.ask)
         if not isinstance(action, Action):
             break
         reading = _read(target, start.Ts[0], action, rng)
-        told, _ = _timed(lambda r=reading: session.tell(r))
-        asks.append(asked)
-        tells.append(told)
-    return asks[1:], tells[1:]
+        updating, _ = _timed(lambda r=reading: session.tell(r))
+        plans.append(planning)
+        updates.append(updating)
+    return plans[1:], updates[1:]
 
 
 def _late(start: Start, target: PreparedPart, sensing: Sensing) -> tuple[float, float]:
-    """Tells about the ``EARLY``th and about the ``LATE``th."""
+    """Return the median times of the updates about the ``EARLY``th and the ``LATE``th reading."""
     session, rng = _session(start, sensing), np.random.default_rng(0)
     alone = Start((target,), np.zeros(1, dtype=int), start.Ts[:1], start.covariances[:1], np.ones(1), Priors())
     aimed = propose(begin(alone), LASER, 2 * READINGS)

@@ -1,8 +1,8 @@
 """Surfaces that bend: ``python benchmarks/bends.py [scenes] [seed] [--keep FILE] [--processes N]``.
 
-A flat top that falls away by some angle. A plane is asked for within 15 mm of the bend, with the hand turned anyhow, so
-that the bend runs between its sensors or beside them, and the edge itself: how often each is acquired, and how far its
-error is from what it states.
+The scene is a flat top that falls away by some angle. The hand acquires a plane within 15 mm of the bend, with a random
+rotation, so that the bend runs between its sensors or beside them; and it acquires the edge itself. The table has how
+often each is acquired, and the ratio of its error to the stated standard deviation.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ DOF = {"plane": 3, "edge": 4}
 
 
 def run_one(kind, degrees, seed, k):
-    """One acquisition at a bend."""
+    """Return the result of one acquisition at a bend."""
     rng = np.random.default_rng((seed, list(DOF).index(kind), degrees, k))
     bend, standoff = np.radians(degrees), rng.uniform(0.01, 0.04)
     scene = roof(bend, flat=0.07, slope=0.07)
@@ -49,7 +49,7 @@ def run_one(kind, degrees, seed, k):
 
 
 def summary(kind, degrees, rows):
-    """One row of the table."""
+    """Return one row of the table."""
     values = np.array([r["nees"] for r in rows if r["nees"] is not None])
     false = int((values > chi2.ppf(0.999, DOF[kind])).sum())
     return (

@@ -1,10 +1,11 @@
-"""What bores are worth to a touch session: ``python benchmarks/bores.py [parts] [seed]``.
+"""Value of bores for a touch session: ``python benchmarks/bores.py [parts] [seed]``.
 
-Plates and round flanges with holes at random, placed to 1 mm and 0.5 degrees (1 sd), with a radius of the ball of 1 mm
-and a spread of 0.05 mm; a stylus that points down, 3 mm of clearance. Touches are asked for until all corners are
-within 0.2 mm with 95 %, or 40 of them: once anywhere, walls of bores and bosses included, once on flat faces only. A
-clamped plate is one of the plates with its four sides in a vice: nothing reaches them.
-``--processes`` and ``--keep`` as in ``campaign.py``.
+The parts are plates and round flanges with random holes, placed to 1 mm and 0.5 degrees (1 sd). The ball has a radius
+of
+1 mm, the noise is 0.05 mm, the stylus points down, the clearance is 3 mm. A session plans touches until all corners are
+within 0.2 mm with 95 %, at most 40: once anywhere, walls of bores and bosses included, once on flat faces only. A
+clamped plate is one of the plates with its four sides in a vice: no touch can reach them.
+``--processes`` and ``--keep`` work as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ PLACES = "anywhere", "flat faces only"
 
 @cache
 def target_of(outline, seed, k):
-    """One part of that outline."""
+    """Return one random part of an outline."""
     Message.DefaultMessenger_s().ChangePrinters().Clear()
     rng = np.random.default_rng((seed, k))
     spec = next(s for s in iter(lambda: plate(rng), None) if s[0] == (outline == "flange"))
@@ -42,7 +43,7 @@ def target_of(outline, seed, k):
 
 
 def touchable(part, outline, places):
-    """Which faces may be touched ``(F,)``."""
+    """Return which faces may be touched ``(F,)``."""
     ok = np.array([places == PLACES[0] or face.surface == "plane" for face in part.faces])
     if outline == "clamped plate":
         ok[part.planes.faces[np.abs(part.planes.normals[:, 2]) < 0.5]] = False
@@ -50,7 +51,7 @@ def touchable(part, outline, places):
 
 
 def run_one(outline, places, seed, k):
-    """One session: what was asked for, and what the truth says of its end."""
+    """Return what one session planned, and its true error at the end."""
     target, rng = target_of(outline, seed, k), np.random.default_rng((seed, k, 1))
     T_expected = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, rng.uniform(-3, 3)])), rng.uniform(-0.1, 0.1, 3))
     T = T_expected @ SE3.exp(np.sqrt(np.diag(KNOWN)) * rng.normal(size=6))
@@ -85,7 +86,7 @@ def run_one(outline, places, seed, k):
 
 
 def summary(outline, places, rows):
-    """One row of the table."""
+    """Return one row of the table."""
     ended = [r for r in rows if r["reached"]]
     counts = np.array([r["readings"] if r["reached"] else np.inf for r in rows])
 

@@ -74,7 +74,7 @@ def draw(rng, mode, part, T, priors):
 
 
 def campaign(mode, scenes, *, seed=1, pool=None, **settings):
-    """All scenes of one way of sensing ``(scenes, 6)``, from as many catalogues as it takes."""
+    """Return all scenes of one sensing mode ``(scenes, 6)``, from several catalogues if necessary."""
     settings = {"unknown": 0.2, "outlier_rate": 0.05, **settings}
     tasks = [(seed, k, mode, settings, min(SCENES, scenes - k)) for k in range(0, scenes, SCENES)]
     rows = (pool.map if pool else map)(scenes_of, tasks)

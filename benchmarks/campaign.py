@@ -21,15 +21,15 @@ from tanteo.catalogue import run_tasks
 
 
 def options(arguments: list[str]) -> tuple[list[str], Path | None, int | str]:
-    """The arguments without ``--keep FILE`` and ``--processes N``, and what these said."""
+    """Return the arguments without ``--keep FILE`` and ``--processes N``, and the values of these two."""
     rest, keep, processes = list(arguments), None, 1
     if "--keep" in rest:
         k = rest.index("--keep")
         keep, rest = Path(rest[k + 1]), rest[:k] + rest[k + 2 :]
     if "--processes" in rest:
         k = rest.index("--processes")
-        said, rest = rest[k + 1], rest[:k] + rest[k + 2 :]
-        processes = int(said) if said.isdecimal() else said
+        number, rest = rest[k + 1], rest[:k] + rest[k + 2 :]
+        processes = int(number) if number.isdecimal() else number
     return rest, keep, processes
 
 
@@ -39,10 +39,10 @@ def run_cases(
     keep: Path | None = None,
     processes: int | str = 1,
 ) -> list:
-    """What ``run(*case)`` gave for each case, in their order; those that ``keep`` holds are read from there.
+    """Return the result of ``run(*case)`` for each case in order; cases in the file ``keep`` are read from there.
 
     ``run`` is a function of a module (processes find it by name) and each case a tuple of numbers and texts that
-    decides everything, seed included. A warning on the error stream says when the kept rows are of other sources.
+    decides everything, seed included. A warning on the error stream names kept rows of other sources.
     """
     cases = list(cases)
     revision, kept = _revision(), _read(keep)
@@ -51,36 +51,36 @@ def run_cases(
         print(f"{keep}: rows of other sources ({', '.join(sorted(others))}) beside {revision}", file=sys.stderr)
     done = {case: row for case, (_, row) in kept.items()}
 
-    def settle(case, row):
+    def record(case, row):
         done[case] = row
         if keep is not None:
             with keep.open("a") as file:
                 line = {"case": case, "revision": revision, "row": row}
                 file.write(json.dumps(line, default=_plain) + "\n")
 
-    _run(run, [c for c in cases if c not in done], processes, settle)
+    _run(run, [c for c in cases if c not in done], processes, record)
     return [done[case] for case in cases]
 
 
-def _run(run, cases, processes, settle):
-    """Settle each case as soon as it is ready."""
+def _run(run, cases, processes, record):
+    """Record each case when its result is ready."""
     if isinstance(processes, str):
         source = Path(sys.modules[run.__module__].__file__)  # a program is a module, too, for a worker
         tasks = {k: (source.stem, run.__name__, case) for k, case in enumerate(cases)}
-        run_tasks(processes, one_case, tasks, lambda k, row: settle(cases[k], row), modules=str(Path(__file__).parent))
+        run_tasks(processes, one_case, tasks, lambda k, row: record(cases[k], row), modules=str(Path(__file__).parent))
         return
     if processes <= 1:
         for case in cases:
-            settle(case, run(*case))
+            record(case, run(*case))
         return
     with ProcessPoolExecutor(processes) as pool:
         tasks = {pool.submit(run, *case): case for case in cases}
         for task in as_completed(tasks):
-            settle(tasks[task], task.result())
+            record(tasks[task], task.result())
 
 
 def one_case(task):
-    """The row of a case, by the names of a module and its function."""
+    """Return the row of a case, which names a module and its function."""
     module, name, case = task
     return getattr(importlib.import_module(module), name)(*case)
 
@@ -103,7 +103,7 @@ def _revision():
 
 
 def _plain(value):
-    """A number or array of numpy as JSON has it."""
+    """Return a number or array of NumPy as a JSON type."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"{value!r} cannot be kept: rows are made of numbers, texts, lists and dictionaries")

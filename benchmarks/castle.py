@@ -1,7 +1,8 @@
-"""A few pixels of real depth frames as beams, no first guess: ``python benchmarks/castle.py [draws]``.
+"""A few pixels of real depth frames as beams, without an initial pose: ``python benchmarks/castle.py [draws]``.
 
-Beside what was found stands what these readings allow: how often a pose drawn from the posterior about the truth, which
-an estimator would know that is told where to look, is near enough to count.
+Beside the answers the table has the limit of these readings: how often a pose drawn from the posterior about the truth
+is
+near enough to count as right. An estimator that starts at the truth would have this posterior.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ RIGHT = 3e-3, np.radians(1.5)
 
 
 def share_right(part, covariance, rng, draws=300):
-    """How often an error drawn from a covariance is small enough to count as right."""
+    """Return how often an error drawn from a covariance is small enough to count as right."""
     errors = SE3.exp(rng.multivariate_normal(np.zeros(6), covariance, draws))
     moved = np.linalg.norm(SE3.apply(errors, part.centroid) - part.centroid, axis=1)
     turned = np.linalg.norm(SE3.log(errors)[:, 3:], axis=1)
@@ -35,7 +36,7 @@ def share_right(part, covariance, rng, draws=300):
 
 
 def covariance_at(target, touches, T):
-    """Of the posterior about the maximum next to a pose ``(6, 6)``, as an answer would state it if told where it is."""
+    """Return the covariance ``(6, 6)`` that an answer states for the maximum next to a pose."""
     problem = Problem(touches, no_paths(), Priors(radius=target.part.radius))
     mode = posterior_about(problem, target, T[None], np.random.default_rng(0)).modes[0]
     return as_hypothesis(touches, goodness_of_fit(mode)).covariance

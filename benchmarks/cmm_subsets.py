@@ -22,7 +22,7 @@ from tanteo.posterior import Priors, Problem, goodness_of_fit, identify_points, 
 
 
 def leaves_free(touches, block, truth):
-    """Whether nothing resists some motion at the maximum that the truth leads to."""
+    """Return whether some motion is unconstrained at the maximum that a search from the true pose reaches."""
     problem = Problem(touches, no_paths(), Priors(radius=block.part.radius))
     mode = posterior_about(problem, block, truth[None], np.random.default_rng(0)).modes[0]
     return len(goodness_of_fit(mode).free) > 0
@@ -42,10 +42,11 @@ def main():
             seconds += time.process_time() - start
             sure += answer.status == "recognized"
             rows.append((cmm.holds(block, answer, truth), leaves_free(some, block, truth), len(answer.hypotheses)))
-        held, free, modes = np.array(rows).T
-        fixed, loose = held[free == 0], held[free == 1]
+        contained, free, modes = np.array(rows).T
+        fixed, loose = contained[free == 0], contained[free == 1]
         print(
-            f"{placement}: truth among the modes in {held.sum()}/{n} subsets; {fixed.sum()}/{len(fixed)} of those that "
+            f"{placement}: truth among the modes in {contained.sum()}/{n} subsets; "
+            f"{fixed.sum()}/{len(fixed)} of those that "
             f"fix the pose, {loose.sum()}/{len(loose)} of those that leave a motion free; {np.median(modes):.0f} modes "
             f"in the median, {sure} given as sure, {seconds / n:.2f} s each",
             flush=True,

@@ -11,7 +11,7 @@ READINGS = 200_000
 
 
 def oblique(preset, incidence, rng):
-    """Standard deviation and mean of simulated ranges to an oblique plane, as shares of what the model says."""
+    """Return standard deviation and mean of simulated ranges to an oblique plane, relative to those of the model."""
     model = error_model(preset)
     d = 0.5 * (preset.min_range + preset.max_range)
     aims = draw_aims(rng, model.beam_half_angle, (READINGS,))
@@ -45,7 +45,7 @@ def table_of_planes():
 
 
 def table_of_edges():
-    """An edge at 40 mm under a cone of 5 degrees, crossed by 4000 rays."""
+    """Return a table of an edge at 40 mm under a cone of 5 degrees, crossed by 4000 rays."""
     d, gamma = 0.04, np.deg2rad(5)
     rays, x = cone_rays(gamma, 4000), np.linspace(-1.1, 1.1, 8801) * d * np.tan(gamma)
     ranges = d / rays[:, 2]

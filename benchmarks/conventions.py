@@ -77,7 +77,7 @@ def normals_reversed(points, centres, normals):
 
 
 def right(points, centres, normals):
-    """Write everything as it is."""
+    """Write correct readings."""
     return {"points": points}
 
 

@@ -25,7 +25,7 @@ ASKEW = 0.02
 
 
 def over(x, y, height, tilt):
-    """The hand looking down, its front over a place, turned about its front."""
+    """Return the pose of the hand that points down, its front above a place, rotated about its front."""
     R = np.diag([1.0, -1.0, -1.0]) @ SO3.exp(np.array([*tilt, 0.0]))
     return SE3.from_parts(R, np.array([x, y, height]) - R @ gripper().front)
 

@@ -22,7 +22,7 @@ from tanteo.vision.camera import project_linearized
 
 
 def first_image(model):
-    """The published pose refined, and both against the corners that the image has."""
+    """Refine the published pose, and compare both with the corners in the image."""
     image, published = grey_cube.load(grey_cube.images()[0]), grey_cube.published()
     T = refine(model.frame, grey_cube.camera(), map_edges(find_edges(image)), published[None])[0]
     corners, measured = grey_cube.measured_corners(image, model, T)
@@ -41,7 +41,7 @@ def first_image(model):
     print(f"fitted to corners of the image alone: range {np.linalg.norm(free[:3, 3]) / near - 1:+.2%} of the published")
     for name in rms:
         print(f"so far off at corners, the {name} range is known to {by_corners(T, corners, rms[name]):.2%}")
-    print(f"leaving out edges in turn moves the refined range by {by_edges(model, image, T):.2%} (jackknife)")
+    print(f"the jackknife over edges moves the refined range by {by_edges(model, image, T):.2%}")
     return T
 
 
@@ -53,7 +53,7 @@ def seen_from(T, points):
 
 
 def by_lines(corners, measured, T):
-    """The pose nearest to the corners of the image, by Gauss-Newton."""
+    """Return the pose nearest to the corners of the image, by Gauss-Newton."""
     for _ in range(20):
         pixels, J = seen_from(T, corners)
         T = T @ SE3.exp(np.linalg.lstsq(J, (measured - pixels).ravel(), rcond=None)[0])

@@ -1,8 +1,8 @@
-"""Readings of parts with round faces: is what is said true? ``python benchmarks/curved_faces.py [scenes] [seed]``.
+"""Calibration of answers about parts with round faces: ``python benchmarks/curved_faces.py [scenes] [seed]``.
 
-Two parts with bores and bosses, readings of their exact surfaces: touches without normals, and readings with
-sensed normals of which two of three are on round faces. Once as the search is, once with the facets of the mesh in
-the place of the surfaces behind them. ``--processes`` and ``--keep`` as in ``campaign.py``.
+Two parts with bores and bosses are sensed at their exact surfaces: touches without normals, and readings with sensed
+normals, two of three on round faces. Each scene runs twice: with the exact surfaces, and with the facets of the mesh
+instead of them. ``--processes`` and ``--keep`` work as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ NEAR = 100.0
 
 @cache
 def prepared(name):
-    """The part."""
+    """Return the prepared part."""
     return prepare(tanteo.read_part(FOLDER / f"{name}.step"))
 
 
 def one(name, way, seed, k):
-    """One scene, with exact surfaces and with facets."""
+    """Return the result of one scene, with exact surfaces and with facets."""
     target, (n, sd, tilt) = prepared(name), WAYS[way]
     rng = np.random.default_rng((seed, PARTS.index(name), n, k))
     T = box_centred_pose(rng)
@@ -54,10 +54,11 @@ def one(name, way, seed, k):
     turned = SO3.exp((tilt or 0.0) * rng.normal(size=(n, 3))) @ (normals[rows] @ T[:3, :3].T)[..., None]
     sensed = {} if tilt is None else {"normals": turned[..., 0], "normal_sd": tilt}
     touches = touches_of(points, sd, **sensed)
-    return {who: _asked(touches, used, T) for who, used in (("exact", target), ("mesh", replace(target, curved=None)))}
+    cases = ("exact", target), ("mesh", replace(target, curved=None))
+    return {surface: _answer_row(touches, used, T) for surface, used in cases}
 
 
-def _asked(touches, target, T):
+def _answer_row(touches, target, T):
     answer = identify_points(touches, no_paths(), [target], top=50)
     off = [nees(target.part, h.T_world_part, h.covariance, T) for h in answer.hypotheses]
     return {
@@ -67,7 +68,7 @@ def _asked(touches, target, T):
 
 
 def run(scenes, seed, keep, processes):
-    """All scenes."""
+    """Return a table of all scenes."""
     cases = [(name, way, seed, k) for k in range(scenes) for way in WAYS for name in PARTS]
     done = list(zip(cases, run_cases(one, cases, keep, processes), strict=True))
     rows = [
@@ -84,9 +85,9 @@ def run(scenes, seed, keep, processes):
 def _figures(some):
     sure = [row for row in some if row["status"] == "recognized"]
     right = [row for row in sure if row["off"] < NEAR]
-    held = sum(inside(row["off"], row["dof"]) for row in sure)
+    contained = sum(inside(row["off"], row["dof"]) for row in sure)
     return (
-        f"{len(sure)}/{len(some)}", f"{len(right)}/{len(sure)}", f"{100 * held / max(len(sure), 1):.0f} %",
+        f"{len(sure)}/{len(some)}", f"{len(right)}/{len(sure)}", f"{100 * contained / max(len(sure), 1):.0f} %",
         f"{np.mean([row['off'] / row['dof'] for row in right]):.2f}",
         str(sum(row["status"] == "unknown" for row in some)), f"{100 * np.mean([row['among'] for row in some]):.0f} %",
     )  # fmt: skip

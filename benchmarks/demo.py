@@ -18,7 +18,7 @@ WORKERS = 2
 
 
 def counts(policy, tries):
-    """Of every seed, in their order."""
+    """Return the number of readings for every seed, in order."""
     with ProcessPoolExecutor(WORKERS) as pool:
         halves = np.array_split(np.arange(tries), WORKERS)
         return np.concatenate(list(pool.map(try_it, [policy] * WORKERS, [half.tolist() for half in halves])))

@@ -29,7 +29,7 @@ from tanteo.geometry import SE3, SO3
 from tanteo.parts import round_features
 from tanteo.vision import Stage, circle_poses, fit_ellipse, prepare_vision, project_circle, render, rendered_part, see
 from vision import pose_errors
-from vision_scenes import random_look
+from vision_scenes import random_rendering
 
 TILTS = ((0, 5), (5, 10), (10, 20), (20, 40), (40, 75))
 ARCS = (360, 180, 120, 90, 75, 60, 45, 30)
@@ -38,12 +38,12 @@ RADIUS = 8e-3
 
 
 def circle_in_view(rng, tilts=(20, 65)):
-    """A camera without distortion, a circle in front of it, aslant, and its ellipse."""
+    """Return a camera without distortion, a tilted circle in front of it, and its ellipse."""
     camera = replace(table_camera(distortion=()), edge_sd=0.0)
     at = np.array([*rng.uniform(-0.05, 0.05, 2), rng.uniform(0.1, 0.2)])
     turn, tilt = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(*tilts))
     R = SO3.exp(tilt * np.array([np.cos(turn), np.sin(turn), 0.0])) @ np.diag([1.0, -1.0, -1.0])
-    if R[:, 2] @ at > 0:  # from behind: axes are told towards the camera
+    if R[:, 2] @ at > 0:  # from behind: axes are stated towards the camera
         R = R @ np.diag([1.0, -1.0, -1.0])
     T = SE3.from_parts(R, at)
     return camera, T, project_circle(camera, T, RADIUS)
@@ -77,7 +77,7 @@ def trial(degrees, rng, tilts=(20, 65)):
 
 
 def _spun(T, other):
-    """The circle's frame turned about its axis until it is as near as can be to another."""
+    """Rotate the circle's frame about its axis until it is nearest to another frame."""
     M = T[:3, :3].T @ other[:3, :3]
     return T @ SE3.from_parts(SO3.axis_rotation(2, np.arctan2(M[1, 0] - M[0, 1], M[0, 0] + M[1, 1])), np.zeros(3))
 
@@ -112,11 +112,11 @@ def tilted(trials, seed):
         alone = f"{100 * np.mean([one[2] == 1 for one in found]):.0f} %"
         rows.append((f"{tilts[0]} to {tilts[1]}", alone, f"{np.mean(z) / 5:.3f}", inside))
     words = f"{trials} trials a row, whole rims; tilt against the line of sight."
-    return Table("Circles", words, ("tilt deg", "told as one", "NEES / 5", "in 95 %"), rows)
+    return Table("Circles", words, ("tilt deg", "one solution", "NEES / 5", "in 95 %"), rows)
 
 
 def plates(rng, folder, name):
-    """A plate whose outline a half turn or a quarter leaves as it is, and a twin of which one hole is elsewhere."""
+    """Return a plate whose outline has a symmetry of 180 or 90 degrees, and a near variant with one hole displaced."""
     half = np.full(2, rng.uniform(35, 55)) if rng.uniform() < 0.5 else rng.uniform(30, 60, 2)
     holes = []
     while len(holes) < 5:
@@ -131,7 +131,7 @@ def plates(rng, folder, name):
 
 
 def without_rims(model):
-    """The model of a plate of whose holes nothing is looked for."""
+    """Return the model of a plate without the search for rims of holes."""
     part = replace(model.part)
     part.derived["rounds"] = ()
     some = [_beside_rims(frame, round_features(model.part)) for frame in (model.frame, model.coarse)]
@@ -150,7 +150,7 @@ def _beside_rims(frame, features):
 
 
 def scene(k, seed, folder):
-    """For each way of looking: whether the part is right, and of right poses the squared error over its covariance."""
+    """Return for each setting whether the part is right, and for right poses the squared error over its covariance."""
     rng = np.random.default_rng([seed, k])
     models = [prepare_vision(part) for part in plates(rng, folder, f"s{k}_")]
     truth = models[int(rng.integers(2))]
@@ -159,7 +159,7 @@ def scene(k, seed, folder):
     turned = SE3.from_parts(SO3.axis_rotation(2, rng.uniform(-np.pi, np.pi)), place)
     flat = max(truth.rests, key=lambda rest: rest.probability)
     T = turned @ flat.T_table_part
-    image, _ = render(Stage(camera, [rendered_part(truth.part, T, rng.uniform(70, 150))], random_look(rng)), rng)
+    image, _ = render(Stage(camera, [rendered_part(truth.part, T, rng.uniform(70, 150))], random_rendering(rng)), rng)
     out = {}
     for rims in (True, False):
         some = models if rims else [without_rims(model) for model in models]
@@ -173,7 +173,7 @@ def scene(k, seed, folder):
 
 
 def judged(sight, wanted, T, table):
-    """Whether the first answer is the part; its probability; its squared error, None where another pose was meant."""
+    """Return whether the first answer is the part, its probability, and its squared error (None for another pose)."""
     if not sight.objects or not sight.objects[0].modes:
         return False, 0.0, None
     seen = sight.objects[0]
@@ -200,12 +200,12 @@ def seen(scenes, seed):
         inside = f"{100 * np.mean(z * dof < chi2.ppf(0.95, dof)):.0f} %" if len(z) else "-"
         low, high = chi2.ppf([0.025, 0.975], dof * max(len(z), 1)) / (dof * max(len(z), 1))
         rows.append((
-            "on the table" if way[1] else "no table", "in use" if way[0] else "left out",
+            "on the table" if way[1] else "no table", "in use" if way[0] else "not used",
             f"{100 * np.mean(right):.0f} %", f"{np.mean(share):.2f}",
             f"{100 * len(z) / scenes:.0f} %", f"{nees} ({low:.2f} to {high:.2f})", inside,
             f"{np.median(seconds):.1f} s",
         ))  # fmt: skip
-    head = ("camera", "rims", "plate right", "mean P of it", "plate and pose right", "NEES / dof (honest)", "in 95 %",
+    head = ("camera", "rims", "plate right", "mean P of it", "plate and pose right", "NEES / dof (expected)", "in 95 %",
             "time")  # fmt: skip
     words = f"{scenes} scenes of two plates that differ in one hole by 2 to 5 mm, images of 640 x 480."
     return Table("Plates with holes", words, head, rows)

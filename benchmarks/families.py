@@ -1,8 +1,8 @@
 """Families of parts as a distributor has them: brackets, plates, stepped blocks, flanges, rails, one dimension changed.
 
-A family is a template with sizes of its own; its members differ from the first one in one dimension by whole steps, the
-hard case: what tells two of them apart is one face or one hole. Member ``k`` of a seed is always the same.
-``python benchmarks/families.py FOLDER COUNT`` writes OFF files in millimetres.
+A family is a template with its own sizes. Its members differ from the first one in one dimension by whole steps. This
+is
+the hard case: one face or one hole distinguishes two of them. Member ``k`` of a seed is always the same.
 """
 
 from __future__ import annotations
@@ -23,43 +23,43 @@ _FACETS = 24
 
 
 def box(low, high):
-    """A block between two opposite corners."""
+    """Return a block between two opposite corners."""
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     return Manifold.cube(tuple(high - low)).translate(tuple(low))
 
 
 def bore(x, y, radius, low=-10.0, high=300.0):
-    """A cylinder along z, to be cut away or added."""
+    """Return a cylinder along z, to be subtracted or added."""
     return Manifold.cylinder(high - low, radius, radius, _FACETS).translate((x, y, low))
 
 
 def lying(z, x, radius, low=-10.0, high=300.0):
-    """A cylinder along y."""
+    """Return a cylinder along y."""
     return Manifold.cylinder(high - low, radius, radius, _FACETS).rotate((-90, 0, 0)).translate((x, low, z))
 
 
 def bracket(x, y, z, foot, wall, rib, hole, margin):
-    """An angle with a rib and a hole in each leg."""
+    """Return an angle with a rib and a hole in each leg."""
     angle = box((0, 0, 0), (x, y, foot)) + box((0, 0, 0), (wall, y, z)) + box((0, 0, 0), (0.6 * x, rib, 0.6 * z))
     across = Manifold.cylinder(300, hole, hole, _FACETS).rotate((0, 90, 0)).translate((-10, 0.7 * y, z - margin))
     return angle - bore(x - margin, 0.7 * y, hole) - across
 
 
 def plate(x, y, z, first, second, big, margin, slot):
-    """A plate with three holes and a slot at its end."""
+    """Return a plate with three holes and a slot at its end."""
     holes = bore(margin, margin, first) + bore(x - margin, margin, second) + bore(0.4 * x, 0.6 * y, big)
     return box((0, 0, 0), (x, y, z)) - holes - box((x - slot, 0.7 * y, -1), (x + 1, 0.85 * y, z + 1))
 
 
 def steps(x, y, first, second, third, one, two, deep):
-    """A block of three steps with a pocket."""
+    """Return a block of three steps with a pocket."""
     body = box((0, 0, 0), (x, y, first)) + box((one, 0, 0), (x, y, first + second))
     body += box((one + two, 0.2 * y, 0), (x, y, first + second + third))
     return body - box((0.2 * one, 0.3 * y, first - deep), (0.8 * one, 0.8 * y, first + 1))
 
 
 def flange(x, y, z, hub, high, inner, hole, margin):
-    """A flange with a hub, a bore and two holes."""
+    """Return a flange with a hub, a bore and two holes."""
     body = box((-x / 2, -y / 2, 0), (x / 2, y / 2, z)) + bore(-0.1 * x, 0, hub, 0, z + high)
     return (
         body
@@ -70,7 +70,7 @@ def flange(x, y, z, hub, high, inner, hole, margin):
 
 
 def rail(x, y, z, slot, neck, deep, hole, margin):
-    """A rail with a T-shaped slot off its middle, and a hole."""
+    """Return a rail with a T-shaped slot off its middle, and a hole."""
     middle = 0.45 * y
     body = box((0, 0, 0), (x, y, z)) - box((-1, middle - neck / 2, z - 2 * deep), (x + 1, middle + neck / 2, z + 1))
     return (
@@ -81,7 +81,7 @@ def rail(x, y, z, slot, neck, deep, hole, margin):
 
 
 def clevis(x, y, z, wall, floor, hole, high, nose):
-    """A fork with a hole through its arms and a slanted nose."""
+    """Return a fork with a hole through its arms and a slanted nose."""
     body = box((0, 0, 0), (x, y, z)) - box((floor, wall, -1), (x + 1, y - 0.7 * wall, z + 1))
     body -= lying(high, x - 2 * hole, hole)
     return body.trim_by_plane((-1.0, 0.0, -0.7), -(x + 0.7 * z) + nose)

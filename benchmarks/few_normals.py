@@ -1,4 +1,4 @@
-"""A few readings with sensed normals: is what is said true? ``python benchmarks/few_normals.py [scenes] [seed]``.
+"""Calibration of answers from few readings with sensed normals: ``python benchmarks/few_normals.py [scenes] [seed]``.
 
 Eight parts of the examples at random poses, 0.3 mm a reading and 0.05 rad an axis of its normal, one part in the
 catalogue. ``--processes`` and ``--keep`` as in ``campaign.py``.
@@ -30,12 +30,12 @@ REGION, NEAR = 12.59, 20.0
 
 @cache
 def prepared(name):
-    """The part."""
+    """Return the prepared part."""
     return prepare(tanteo.read_part(FOLDER / f"{name}.step"))
 
 
 def one(name, n, seed, k):
-    """One scene."""
+    """Return the result of one scene."""
     target, rng = prepared(name), np.random.default_rng((seed, PARTS.index(name), n, k))
     touches, T = oriented(target, n, rng)
     begun = time.process_time()
@@ -50,7 +50,7 @@ def one(name, n, seed, k):
 
 
 def run(scenes, seed, keep, processes):
-    """All scenes."""
+    """Return a table of all scenes."""
     cases = [(name, n, seed, k) for k in range(scenes) for n in COUNTS for name in PARTS]
     done = list(zip(cases, run_cases(one, cases, keep, processes), strict=True))
     rows = []

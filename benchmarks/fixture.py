@@ -35,14 +35,14 @@ def row(name, target):
 
 
 def agreement(target):
-    """How far the two poses agree, by what is said of the tip."""
+    """Return how far the two poses agree, for each assumption about the tip."""
     located = locate_sets(target)
     novice = located["novice", False]
-    left_out = disagreement(target, located, False, one_draw=False)
+    without_tip = disagreement(target, located, False, one_draw=False)
     return [
         ("one tip in both sets", f"{disagreement(target, located, True, one_draw=True):.2g}", ""),
         ("a tip for each", f"{disagreement(target, located, True, one_draw=False):.2g}", ""),
-        ("left out", f"{left_out:.1g}", f"{novice.status}, p = {novice.hypotheses[0].p_value:.2g}"),
+        ("no tip error", f"{without_tip:.1g}", f"{novice.status}, p = {novice.hypotheses[0].p_value:.2g}"),
     ]
 
 

@@ -91,7 +91,7 @@ def posed(scene: Any, part: Callable, folder: Path, seed: int) -> Outcome:
     """Answer a scene of ``against_scenes.py``."""
     parts = [part(key) for key in scene.among]
     if scene.session:
-        answer, _ = against_worker.ask(scene, part, folder, np.random.default_rng(SEED))
+        answer, _ = against_worker.answer_scene(scene, part, folder, np.random.default_rng(SEED))
     else:
         more = against_worker.options(scene, folder)
         answer = tanteo.identify(tanteo.Readings.from_columns(**scene.columns), parts, seed=seed, **more)
@@ -106,7 +106,7 @@ def holes(k: int, folder: Path, seed: int) -> Outcome:
     specs, parts = plates("twins" if k % 2 else "plates", folder)
     which, T = int(rng.integers(len(parts))), made.box_centred_pose(rng)
     most = 100 if k % 2 else 1 + k % 6
-    readings = made.sensed_holes(parts[which], specs[which], T, rng, told=bool(k // 2 % 2), most=most)
+    readings = made.sensed_holes(parts[which], specs[which], T, rng, sized=bool(k // 2 % 2), most=most)
     return tanteo.identify(readings, parts, seed=seed), {p.name: p for p in parts}
 
 
@@ -117,7 +117,7 @@ def cones(k: int, folder: Path, seed: int) -> Outcome:
     rng = np.random.default_rng((SEED, 2, k))
     specs, parts = plates("cones", folder)
     which, T = int(rng.integers(len(parts))), made.box_centred_pose(rng)
-    readings = made.sensed(specs[which], T, rng, told=bool(k % 2))
+    readings = made.sensed(specs[which], T, rng, sized=bool(k % 2))
     return tanteo.identify(readings, parts, seed=seed), {p.name: p for p in parts}
 
 
@@ -291,9 +291,9 @@ def motion(old: dict, new: dict, answer: Any, part: Any) -> float:
 def answered(only: list[str], seed: int = 0) -> Iterator[tuple[str, dict, Any, dict]]:
     """Yield name, summary, answer and parts of each scene whose name is chosen or begins with a chosen one."""
     with tempfile.TemporaryDirectory() as name:
-        for scene, ask in scenes(Path(name)).items():
+        for scene, run in scenes(Path(name)).items():
             if not only or scene in only or scene.split("/")[0] in only:
-                answer, parts = ask(seed)
+                answer, parts = run(seed)
                 yield scene, summary(answer, parts), answer, parts
 
 

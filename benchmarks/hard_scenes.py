@@ -1,12 +1,17 @@
 """Scenes in which an answer is easily too sure: ``python benchmarks/hard_scenes.py [scenes] [seed]``.
 
-A round bar that was touched around its side only, so that nothing but where the touches end holds it along its axis; a
-bar touched anywhere; few readings with exact normals, whose joint test has to count the normals; a tip offset of sixty
-times the noise on a hand that comes square on; exact touches that a session is told at once; few touches of a part
-whose place is roughly known, which leave it on sheets that are bent and cut; a bias of thirty times the noise that
-seven readings just show; a beam that is mounted roughly; touches that may be of either side of a wall; thin beams whose
-noise along them is broad beside the faces.
-``--processes`` and ``--keep`` as in ``campaign.py``.
+- A round bar with touches on its side only, so that only the ends of the touches constrain it along its axis.
+- A bar touched anywhere.
+- Few readings with exact normals, where the joint test must count the normals.
+- A tip offset of sixty times the noise, on a hand that approaches along the normals.
+- Exact touches that a session gets at once.
+- Few touches of a part with a rough prior pose, which leave it on curved and truncated sheets of poses.
+- A bias of thirty times the noise, which seven readings just reveal.
+- A beam with a rough mounting.
+- Touches that may be on either side of a wall.
+- Thin beams with a large noise along them, beside the faces.
+
+``--processes`` and ``--keep`` work as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -50,7 +55,7 @@ KINDS = {
     "long bar": "bar of 20 x 200 mm, 25 touches by area, 0.1 mm",
     "normals": "bracket_left, 7 points of 1 mm with normals of 5 mrad",
     "tip": "bracket_left, 25 touches of 0.05 mm, tip offset of 3 mm an axis",
-    "at once": "block, 8 exact touches (0.02 mm) told at once to a session, place known to 3 mm and 2 degrees",
+    "at once": "block, 8 exact touches (0.02 mm) given at once to a session, place known to 3 mm and 2 degrees",
     "rough 3": "wedge, block or bracket_left, 3 touches of 0.1 mm, place known to 3 mm and 2 degrees",
     "rough 4": "the same, 4 touches",
     "rough 6": "the same, 6 touches of 0.3 mm, place known to 5 mm and 5 degrees",
@@ -128,7 +133,7 @@ _ANYWHERE = {"tip": _tip, "mount": _mount, "walls": _walls, "thin": _thin}
 
 
 def one(kind, seed, k):
-    """One scene: whether the answer was sure, right and in its region, NEES, degrees of freedom, p-value."""
+    """Return the result of one scene: sure, right, in its region, NEES, degrees of freedom, p-value."""
     rng = np.random.default_rng((seed, list(KINDS).index(kind), k))
     if kind == "at once":
         return _at_once(rng)

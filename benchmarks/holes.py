@@ -1,10 +1,10 @@
-"""Plates and flanges known by their holes: ``python benchmarks/holes.py [scenes] [families] [seed]``.
+"""Recognize plates and flanges by their holes: ``python benchmarks/holes.py [scenes] [families] [seed]``.
 
-Ten parts a family, made anew: plates and round flanges with holes at random, some with a hub. Of one of them, in any
-pose, the centres of up to six holes and bosses are sensed to 0.03 mm at any depth, or all at a rim, and four points
-of the face; in every other scene radius and side, too. Twins are ten copies of one plate of which one hole each is
-moved by 1 to 5 mm; of them all holes are sensed. Beside them the time of labelled touches on five sides, where half a
-turn looks alike.
+Each family has ten random plates and round flanges with holes, some with a hub. One part is sensed in any pose: the
+centres of up to six holes and bosses to 0.03 mm at any depth, or all at a rim, and four points of the face; every other
+scene has radius and side as well. Twins are ten copies of one plate with one hole each displaced by 1 to 5 mm; all
+their
+holes are sensed. A last figure is the time of labelled touches on five sides, where a half turn fits similarly well.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def part_of(spec, name, folder):
 
 
 def twins(rng, count=10):
-    """A plate, and copies of which one hole each is moved by 1 to 5 mm."""
+    """Return a plate, and copies with one hole each displaced by 1 to 5 mm."""
     round_one, half, thick, holes, bosses = plate(rng)
     specs = [(round_one, half, thick, holes, bosses)]
     while len(specs) < count:
@@ -105,8 +105,8 @@ def on_top(part, spec, count, rng):
     return np.array(found)
 
 
-def sensed_holes(part, spec, T, rng, *, told, most):
-    """Centres of so many holes and bosses at any depth, without the rim of a flange, and four points on top."""
+def sensed_holes(part, spec, T, rng, *, sized, most):
+    """Return centres of holes and bosses at any depth, except the rim of a flange, and four points on top."""
     rounds = [r for r in round_features(part) if r.radii[0] < 0.03]
     some = [rounds[k] for k in rng.permutation(len(rounds))[:most]]
     moved = rng.uniform() < 0.5  # to the upper rim, as some machines do
@@ -119,8 +119,8 @@ def sensed_holes(part, spec, T, rng, *, told, most):
         points=p + SD * rng.normal(size=p.shape), sds=np.full(n + m, SD), kinds=["centre"] * n + ["plane"] * m,
         features=[f"h{k}" for k in range(n)] + ["top"] * m,
         directions=np.concatenate([none, np.tile(-T[:3, 2], (m, 1))]),
-        hole_radii=np.r_[[r.radii[0] if told else np.nan for r in some], np.full(m, np.nan)],
-        material_sides=[("hole" if r.hole else "boss") if told else "" for r in some] + [""] * m,
+        hole_radii=np.r_[[r.radii[0] if sized else np.nan for r in some], np.full(m, np.nan)],
+        material_sides=[("hole" if r.hole else "boss") if sized else "" for r in some] + [""] * m,
     )  # fmt: skip
 
 
@@ -167,10 +167,10 @@ def outcome(readings, parts, part, T):
 
 def row(name, results):
     right, status, inside, sure, taken = (list(x) for x in zip(*results, strict=True))
-    told = np.mean([s == "recognized" for s in status])
+    recognized = np.mean([s == "recognized" for s in status])
     ms = 1e3 * np.array(taken)
     print(
-        f"| {name} | {len(right)} | {100 * np.mean(right):.1f} % | {100 * told:.1f} % | {np.sum(sure)} | "
+        f"| {name} | {len(right)} | {100 * np.mean(right):.1f} % | {100 * recognized:.1f} % | {np.sum(sure)} | "
         f"{100 * np.nanmean(inside):.1f} % | {np.median(ms):.0f} | {ms.max():.0f} |", flush=True,
     )  # fmt: skip
 
@@ -189,8 +189,8 @@ def main(scenes=200, families=20, seed=1):
             for number in range(scenes // families):
                 k = int(rng.integers(len(parts)))
                 T = box_centred_pose(rng)
-                told, most = bool(number % 2), 20 if make is twins else 6
-                sensed = sensed_holes(parts[k], specs[k], T, rng, told=told, most=most)
+                sized, most = bool(number % 2), 20 if make is twins else 6
+                sensed = sensed_holes(parts[k], specs[k], T, rng, sized=sized, most=most)
                 results.append(outcome(sensed, parts, parts[k], T))
                 if name == "ten of a family" and (by_planes := sensed_planes(parts[k], T, rng)) is not None:
                     flat.append(outcome(by_planes, parts, parts[k], T))

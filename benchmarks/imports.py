@@ -1,8 +1,8 @@
-"""How long readers of typed documents take to import: the figures of decision 64.
+"""Time to import readers of typed documents: the figures of decision 64.
 
     python benchmarks/imports.py
 
-Each in a process of its own, best of nine; a library that is not installed is left out.
+Each is imported in its own process, best of nine; a library that is not installed is skipped.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ MATTERS, GROSSLY = np.log(0.05), 2.0
 
 
 def one(target, count, outlier, sensor, number):
-    """Whether the scene matters, whether the truth is missed, whether grossly, and CPU time [s]."""
+    """Return whether the scene counts, whether the search missed the truth, whether grossly, and CPU time [s]."""
     rng, radius = np.random.default_rng((77, count, number)), target.part.radius
     T = box_centred_pose(rng)
     points = scene(target, T, SENSORS[sensor], count, rng, outlier=outlier, radius=radius)[0]

@@ -1,10 +1,10 @@
-"""Motions without contact, over scenes at random: ``python benchmarks/motions.py [scenes] [kind] [seed] [clamp]``.
+"""Motions without contact, over random scenes: ``python benchmarks/motions.py [scenes] [kind] [seed] [clamp]``.
 
-Five parts of the examples, in any pose above a table, with a post below; stand-offs of 10 to 40 mm; start and idea up
-to 60 degrees and 30 mm wrong; latency of 0 to 60 ms. For planes, edges and corners: how often they were acquired, what
-became of the others, the least clearance of the whole hand from everything, what the stated covariance is worth (NEES),
-and how many readings and seconds each took. With ``clamp`` a box beside the part of which nobody was told.
-``--processes`` and ``--keep`` as in ``campaign.py``.
+Five parts of the examples lie in any pose above a table, with a post below. Stand-offs are 10 to 40 mm, start and guess
+are up to 60 degrees and 30 mm wrong, the latency is 0 to 60 ms. For planes, edges and corners the table has: how often
+they were acquired, how the other attempts ended, the least clearance of the whole hand, the NEES of the stated
+covariance, and the readings and seconds of each. ``clamp`` adds a box beside the part that the planner has no model of.
+``--processes`` and ``--keep`` work as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ CLEARANCE = 0.6
 
 
 def run_one(kind, seed, k, clamp=False):
-    """One scene: what was acquired, and what the truth says of it."""
+    """Return the feature acquired in one scene, and its true error."""
     rng = np.random.default_rng((seed, list(SENSE).index(kind), k))
     task = make_task(rng, kind, PARTS[k % len(PARTS)], clamp)
     cell = Cell(latency=rng.uniform(0, 0.06))
@@ -55,7 +55,7 @@ def run_one(kind, seed, k, clamp=False):
 
 
 def summary(kind, rows):
-    """One row of the table."""
+    """Return one row of the table."""
     n = len(rows)
     good = [r for r in rows if r["status"] == "acquired"]
     values = np.array([r["nees"] for r in good])

@@ -2,8 +2,8 @@
 
 FOLDER holds the files ``D*`` of the public repository csayres/fitPlugPlateMeas (``tests/testData`` and ``examples``):
 aluminium plates of 0.8 m with holes drilled for fibres, measured by a coordinate measuring machine to some micrometres.
-Each plate is made of its nominal places and diameters, and sought among all of them by its measured holes, all or so
-many, in the machine's own frame. The machine's plane z = 0, to which the files refer, is told by eight points.
+Each plate is made of its nominal positions and diameters. Its measured holes, all or a given number, identify it among
+all plates in the machine's own frame. Eight points state the machine's plane z = 0, to which the files refer.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def wire(x, y, radius):
 
 
 def plate(name, rows, folder):
-    """The plate as a part, its upper face at z = 0."""
+    """Return the plate as a part, its upper face at z = 0."""
     face = BRepBuilderAPI_MakeFace(gp_Pln(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1)), wire(0, 0, RIM))
     for x, y, diameter in rows[:, [2, 3, 5]]:
         face.Add(TopoDS.Wire(wire(x, y, diameter / 2).Reversed()))

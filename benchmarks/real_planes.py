@@ -19,7 +19,7 @@ ROBOTS = None, "generic_6axis_uncalibrated", "xarm", "ur_ros_nominal_dh"
 
 
 def each_run():
-    """Every run by itself, with and without an error of the robot."""
+    """Return the calibration of every run by itself, with and without an error of the robot."""
     return {
         (s, f, robot): calibrate(run(s, f), robot=robot)
         for s in SENSORS
@@ -28,7 +28,7 @@ def each_run():
     }
 
 
-def aside(found):
+def excluded(found):
     counts = Counter(outlier.reason for outlier in found.outliers)
     return ", ".join(f"{n} {reason}" for reason, n in counts.items()) or "none"
 
@@ -37,7 +37,7 @@ def table_of_runs(found):
     table = Table(
         "Every run by itself",
         "One beam, one plane.",
-        ("run", "day", "places", "rms mm", "set aside", "beam sd deg", "scale", "slant", "repeats mm"),
+        ("run", "day", "places", "rms mm", "excluded", "beam sd deg", "scale", "slant", "repeats mm"),
         [],
     )
     for s in SENSORS:
@@ -47,7 +47,7 @@ def table_of_runs(found):
             tilt = np.degrees(np.sqrt(np.trace(beam.cov[3:5, 3:5]) / 2))
             sigma = 1e3 * float(np.median(beam.repeats.law.sigma(c.ranges)))
             table.rows.append((
-                f"{s} {f}", day(s, f), f"{plane.stations}", f"{1e3 * plane.rms:.2f}", aside(c), f"{tilt:.2f}",
+                f"{s} {f}", day(s, f), f"{plane.stations}", f"{1e3 * plane.rms:.2f}", excluded(c), f"{tilt:.2f}",
                 f"{1 + beam.scale:.4f}", f"{beam.slant:+.4f}", f"{sigma:.2f}",
             ))  # fmt: skip
     return table
@@ -55,14 +55,14 @@ def table_of_runs(found):
 
 def table_of_sensors():
     table = Table(
-        "All runs of a sensor", "One beam, four planes.", ("sensor", "rms mm", "beam from mm", "sd mm", "set aside"), []
+        "All runs of a sensor", "One beam, four planes.", ("sensor", "rms mm", "beam from mm", "sd mm", "excluded"), []
     )
     for s in SENSORS:
         c = calibrate(runs(s))
         T, sds = c.beams[0].T_hand_beam, np.sqrt(np.diag(c.beams[0].cov))
         table.rows.append((
             s, ", ".join(f"{p.name} {1e3 * p.rms:.2f}" for p in c.planes),
-            " ".join(f"{1e3 * v:.1f}" for v in T[:3, 3]), " ".join(f"{1e3 * v:.1f}" for v in sds[:3]), aside(c),
+            " ".join(f"{1e3 * v:.1f}" for v in T[:3, 3]), " ".join(f"{1e3 * v:.1f}" for v in sds[:3]), excluded(c),
         ))  # fmt: skip
     return table
 
@@ -88,7 +88,7 @@ def table_of_angles(found):
 
 
 def table_of_robots(found):
-    """How many pairs hold 90 degrees within 95 percent, by what is believed of the robot."""
+    """Return how many pairs have 90 degrees in their 95 % interval, for each assumed error of the robot."""
     from tanteo.sensors import robot_preset
 
     table = Table(

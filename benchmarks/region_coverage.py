@@ -1,11 +1,11 @@
-"""Does the region that is claimed hold the truth? ``python benchmarks/region_coverage.py [scenes] [seed] [outliers]``.
+"""Coverage of the stated regions: ``python benchmarks/region_coverage.py [scenes] [seed] [outliers]``.
 
-Eight parts of the examples, three ways of sensing without correspondences, poses and places at random, noise drawn
-from the stated model. For every way: how often there was one answer, how often it was right, how often its 95 %
-region held the true pose, what the answers claimed against how often they were right, and the same scenes with 10 %
-of the readings outliers, once as they are and once for an oracle that was told which these are and left them
-out. Then how an error that all readings share limits the answer. ``outlier_rate`` is the rate that is stated, 0.02 if
-not given. ``--processes`` and ``--keep`` as in ``campaign.py``.
+The scenes have eight parts of the examples, three sensors without correspondences, random poses and readings, and noise
+drawn from the stated model. The table has for each sensor: how often there was one answer, how often it was right, how
+often its 95 % region contained the true pose, and the claimed probability beside the rate of right answers. The same
+scenes run with 10 % outliers: once all readings, once without the outliers, for an oracle that identifies them. A last
+table has the effect of an error that all readings share. ``outlier_rate`` is the stated rate, 0.02 by default.
+``--processes`` and ``--keep`` work as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ RIGHT = 0.003, np.radians(5)
 STRAY, STATED = 0.1, Priors().outlier_rate
 """Rate of outliers, and the rate that is stated if no other is given."""
 
-KINDS = "clean", "outliers", "told"
-"""The same scene as it is, with outliers, and for an oracle that leaves these out."""
+KINDS = "clean", "outliers", "oracle"
+"""The scene without outliers, with outliers, and for an oracle that removes the outliers."""
 
 BIAS = 5e-4
 """Standard deviation of the robot's base, each axis [m]."""
@@ -49,18 +49,18 @@ def _target(name):
 
 
 def three(name, s, seed, k, outlier_rate=STATED):
-    """One scene of one part and one sensor: its rows clean, with outliers, and told which these are."""
+    """Return the rows of one scene of one part and one sensor: clean, with outliers, and for the oracle."""
     target, sensing = _target(name), SENSORS[s]
     part, priors = target.part, Priors(radius=target.part.radius, outlier_rate=outlier_rate)
     out, case = [], (seed, PARTS.index(name), s, k)
     for outlier in (0.0, STRAY):
-        rng = np.random.default_rng(case)  # the same scene twice, outliers aside
+        rng = np.random.default_rng(case)  # the same scene twice, except for the outliers
         n, T = int(rng.choice(sensing.counts)), box_centred_pose(rng)
         touches, rows, _ = scene(target, T, sensing, n, rng, outlier=outlier, radius=priors.radius)
         out.append(_row(part, target, touches, rows, T, sensing, priors, case, "outliers" if outlier else "clean"))
         if outlier:
             rest = touches.take(np.setdiff1d(np.arange(n), rows))
-            out.append(_row(part, target, rest, rows[:0], T, sensing, priors, case, "told") | {"n": n})
+            out.append(_row(part, target, rest, rows[:0], T, sensing, priors, case, "oracle") | {"n": n})
     return out
 
 
@@ -94,36 +94,36 @@ def _right(part, h, T):
 
 
 def summary(rows):
-    """The figures of one sensor."""
-    clean, spoiled, told = ([r for r in rows if r["kind"] == kind] for kind in KINDS)
+    """Return the figures of one sensor."""
+    clean, spoiled, known = ([r for r in rows if r["kind"] == kind] for kind in KINDS)
     sure = [r for r in clean if r["status"] == "recognized"]
-    held = np.mean([inside(r["nees"], r["dof"]) for r in sure])
+    covered = np.mean([inside(r["nees"], r["dof"]) for r in sure])
     claimed, true = np.mean([r["P"] for r in clean]), np.mean([r["right"] for r in clean])
     among = np.mean([r["among"] for r in clean])
-    still, oracle = (np.mean([r["right"] for r in some]) for some in (spoiled, told))
+    still, oracle = (np.mean([r["right"] for r in some]) for some in (spoiled, known))
     among_spoiled = np.mean([r["among"] for r in spoiled])
     found = [r for r in spoiled if r["right"]]
     named = sum(r["named"] for r in found) / max(sum(r["far"] for r in found), 1)
     sure_spoiled = [r for r in spoiled if r["status"] == "recognized"]
-    held_spoiled = np.mean([inside(r["nees"], r["dof"]) for r in sure_spoiled])
+    inside_then = np.mean([inside(r["nees"], r["dof"]) for r in sure_spoiled])
     return (
         f"{len(sure)}/{len(clean)}", f"{100 * np.mean([r['right'] for r in sure]):.1f} %",
-        f"{100 * held:.1f} ± {100 * np.sqrt(held * (1 - held) / len(sure)):.1f} %",
+        f"{100 * covered:.1f} ± {100 * np.sqrt(covered * (1 - covered) / len(sure)):.1f} %",
         f"{np.mean([r['nees'] / r['dof'] for r in sure if r['right']]):.2f}",
         f"{claimed:.3f} / {true:.3f}", f"{100 * among:.1f} %",
         f"{100 * (true - still):+.1f}", f"{100 * (true - oracle):+.1f}",
         f"{np.mean([r['P'] for r in spoiled]):.3f} / {still:.3f}", f"{100 * among_spoiled:.1f} %",
-        f"{100 * named:.1f} %", f"{100 * held_spoiled:.1f} %", f"{1e3 * np.median([r['time'] for r in clean]):.0f} ms",
+        f"{100 * named:.1f} %", f"{100 * inside_then:.1f} %", f"{1e3 * np.median([r['time'] for r in clean]):.0f} ms",
     )  # fmt: skip
 
 
 def by_count(sensing, rows):
-    """The same in short, for each number of readings."""
+    """Return the same figures in short for each number of readings."""
     out = []
     for n in sensing.counts:
-        clean, spoiled, told = ([r for r in rows if r["n"] == n and r["kind"] == kind] for kind in KINDS)
+        clean, spoiled, known = ([r for r in rows if r["n"] == n and r["kind"] == kind] for kind in KINDS)
         sure = [r for r in clean if r["status"] == "recognized"]
-        right, still, oracle = (np.mean([r["right"] for r in some]) for some in (clean, spoiled, told))
+        right, still, oracle = (np.mean([r["right"] for r in some]) for some in (clean, spoiled, known))
         out.append((
             sensing.name, f"{n}", f"{len(sure)}/{len(clean)}", f"{sum(r['right'] for r in sure)}/{len(sure)}",
             f"{100 * np.mean([inside(r['nees'], r['dof']) for r in sure]):.0f} %",
@@ -136,7 +136,7 @@ def by_count(sensing, rows):
 
 
 def bias_rows(count):
-    """Standard deviations in the world and for the same robot, and NEES, over the number of readings."""
+    """Return standard deviations in the world and for the same robot, and NEES, over the number of readings."""
     part = tanteo.read_part(FOLDER / "bracket_left.step")
     target, sensing, out = prepare(part), SENSORS[1], []
     for n in (10, 40, 160, 640):
@@ -158,7 +158,7 @@ def bias_rows(count):
 
 
 def run(scenes, seed, outlier_rate=(), keep=None, processes=1):
-    """All rows, by sensor."""
+    """Return all rows, by sensor."""
     cases = [(name, s, seed, k, *outlier_rate) for k in range(scenes) for s in range(len(SENSORS)) for name in PARTS]
     results = run_cases(three, cases, keep, processes)
     return [[row for case, rows in zip(cases, results, strict=True) if case[1] == s for row in rows] for s in range(3)]
@@ -171,7 +171,7 @@ def main():
     by_sensor = run(scenes, seed, [float(text) for text in arguments[2:]], keep, processes)
     columns = (
         "sensor", "one answer", "right", "in the 95 % region", "NEES / dof", "claimed / right", "truth among modes",
-        "lost by 10 % outliers [points]", "lost if told which", "claimed / right with outliers",
+        "lost by 10 % outliers [points]", "lost by the oracle", "claimed / right with outliers",
         "truth among modes then",
         "outliers named", "region with outliers", "median time",
     )  # fmt: skip
@@ -181,7 +181,7 @@ def main():
     print()
     columns = (
         "sensor", "readings", "one answer", "right", "in the 95 % region", "claimed / right", "truth among modes",
-        "lost by 10 % outliers [points]", "lost if told which", "claimed / right with outliers",
+        "lost by 10 % outliers [points]", "lost by the oracle", "claimed / right with outliers",
     )  # fmt: skip
     rows = [row for sensing, some in zip(SENSORS, by_sensor, strict=True) for row in by_count(sensing, some)]
     print(Table("By the number of readings", "The same scenes.", columns, rows).markdown())

@@ -32,34 +32,34 @@ MACHINES = ("fake:direct", "fake:grbl", "fake:linuxcnc", "fake:ur")
 
 
 def session(part, priors: Priors, *, turns: bool) -> Session:
-    held = {"stylus_along_motion": True} if turns else {"stylus": -DOWN}
+    mounting = {"stylus_along_motion": True} if turns else {"stylus": -DOWN}
     where = {"contact": True, "radius": 1e-3, "approach": DOWN, "cone": np.pi / 2, "standoff": 0.02, "clearance": 0.005}
     stop = Stop(tolerance=TOLERANCE, confidence=0.95, max_measurements=20)
     return Session(
         at_pose(part, PLACE, SPREAD, priors),
-        probe_of(SD, **where, **held),
+        probe_of(SD, **where, **mounting),
         Sensing(sd=SD),
         stop=stop,
     )
 
 
 def drawn(seed: int) -> np.ndarray:
-    """How far the part is from where it is said to be, in standard deviations of the prior ``(6,)``."""
+    """Return the displacement of the part from its expected pose, in standard deviations of the prior ``(6,)``."""
     return np.random.default_rng(seed).standard_normal(6)
 
 
 def one(part, surface, name: str, seed: int, priors: Priors = USUAL) -> tuple[bool, float, float, int]:
-    """Whether it ended as asked; the largest error of a corner [m]; NEES; readings."""
+    """Return whether the session reached its tolerance, the largest error of a corner [m], NEES and the readings."""
     T = PLACE @ SE3.exp(np.linalg.cholesky(SPREAD) @ drawn(seed))
     with opened(parse_machine(name), World(surface, T, 1e-3, SD, seed), ABOVE) as machine:
-        asked = session(part, priors, turns=machine.facts.turns)
-        done = probe_part(asked, SafeMachine(machine, LIMITS))
-    best = asked.answer().hypotheses[0]
+        probing = session(part, priors, turns=machine.facts.turns)
+        done = probe_part(probing, SafeMachine(machine, LIMITS))
+    best = probing.answer().hypotheses[0]
     corners = tanteo.posterior.box_corners(part)
     off = np.linalg.norm(SE3.apply(best.T_world_part, corners) - SE3.apply(T, corners), axis=1).max()
     xi = SE3.log(SE3.inverse(best.T_world_part) @ T)
     nees = float(xi @ np.linalg.solve(best.covariance, xi))
-    return done.end.reached, float(off), nees, asked.count
+    return done.end.reached, float(off), nees, probing.count
 
 
 def sessions(count: int) -> None:
@@ -71,13 +71,14 @@ def sessions(count: int) -> None:
     heads = (f"{head:>{width}}" for head, width in zip(HEADS, (6, 12, 10, 10, 6, 9, 6), strict=True))
     print(f"{'machine':28}", *heads)
     for name in MACHINES:
-        told(name, name, USUAL, part, surface, count)
-    told("direct, noise as stated", "fake:direct", Priors(noise_factor=1.0), part, surface, count)
-    told("direct, and no outliers", "fake:direct", Priors(noise_factor=1.0, outlier_rate=1e-6), part, surface, count)
+        print_row(name, name, USUAL, part, surface, count)
+    print_row("direct, noise as stated", "fake:direct", Priors(noise_factor=1.0), part, surface, count)
+    exact = Priors(noise_factor=1.0, outlier_rate=1e-6)
+    print_row("direct, and no outliers", "fake:direct", exact, part, surface, count)
 
 
-def told(label: str, name: str, priors: Priors, part, surface, count: int) -> None:
-    """One line of the table."""
+def print_row(label: str, name: str, priors: Priors, part, surface, count: int) -> None:
+    """Print one line of the table."""
     begun = time.perf_counter()
     rows = np.array([one(part, surface, name, seed, priors) for seed in range(count)], dtype=float)
     spent = (time.perf_counter() - begun) / count
@@ -97,11 +98,11 @@ def block() -> Surface:
 
 
 def latency(speedup: float, count: int) -> None:
-    """What protocol, wrapper and fake add to the time of the motions: of touches, and of touches with the way back.
+    """Print the time that protocol, wrapper and fake add to the motions of touches, alone and with the retreat.
 
     Args:
-        speedup: how much faster than stated the fake moves; infinite: its motions take no time.
-        count: of touches.
+        speedup: speed of the fake relative to the stated speed; infinite: motions take no time.
+        count: number of touches.
     """
     T = SE3.from_parts(np.diag([1.0, -1.0, -1.0]), np.array([0.03, 0.02, 0.0215]))
     moving = np.isfinite(speedup)

@@ -46,16 +46,16 @@ def stream():
 
 
 def intake():
-    """Messages to readings, told every 50 ms of the stream."""
+    """Convert messages to readings, every 50 ms of the stream."""
     messages = stream()
     taken = Intake(io.RosOptions(), io.Stated(), Patience(settle=0.0))
     for topic, kind in (("/tf", io.TF[0]), ("/tf_static", io.TF[0]), ("/range", io.RANGE)):
         taken.hear(topic, kind)
-    begun, looked, worst = time.perf_counter(), 0.0, 0.0
+    begun, last, worst = time.perf_counter(), 0.0, 0.0
     for topic, t, message in messages:
         taken.take(topic, t, message)
-        if t - looked >= 0.05:
-            looked, before = t, time.perf_counter()
+        if t - last >= 0.05:
+            last, before = t, time.perf_counter()
             taken.ready(t)
             worst = max(worst, time.perf_counter() - before)
     spent = time.perf_counter() - begun

@@ -39,7 +39,7 @@ CHUNK, SHARED_SD = 500, 1e-5
 
 
 def interval(dof, count):
-    """The 95 % interval of the mean of so many values of chi-square over its degrees of freedom."""
+    """Return the 95 % interval of the mean of ``count`` chi-square values over their degrees of freedom."""
     low, high = special.chdtri(dof * count, [0.975, 0.025]) / (dof * count)
     return f"{low:.3f} to {high:.3f}"
 
@@ -119,12 +119,12 @@ def table_of_bores(trials, seed):
 
 
 def turned_tip(rng, away):
-    """An offset of the tip, which the hand carries along as it turns between touches."""
+    """Return an offset of the tip in the frame of the hand, which rotates between touches."""
     return SharedError("tip offset", SHARED_SD**2 * np.eye(3)), SO3.exp(0.7 * rng.normal(size=(len(away), 3)))
 
 
 def larger_ball(rng, away):
-    """A ball that is larger than stated, on bosses."""
+    """Return the error of a ball that is larger than stated, on bosses."""
     return SharedError("tip radius", np.array([[SHARED_SD**2]])), -away[..., None]
 
 
@@ -193,7 +193,7 @@ def table_of_constraints(trials, seed):
 
 
 def table_of_solvers(trials, seed):
-    """The same residuals given to another solver."""
+    """Compare with another solver on the same residuals."""
     rng, rows = np.random.default_rng(seed), []
     for kind in KIND_NAMES:
         T, points, covs, _ = simulated(kind, 200, trials, rng)

@@ -37,7 +37,7 @@ WAYS = "bores whole", "readings only"
 
 
 def _specs(rng):
-    """A plate and two like it, as ``holes.py`` has them [mm]."""
+    """Return a plate and two similar ones, made as in ``holes.py`` [mm]."""
     half, thick = rng.uniform([80, 60], [100, 75]), float(rng.uniform(18, 30))
     places = [np.array([s * rng.uniform(30, 45), rng.uniform(-25, 25)]) for s in (-1, 1)]
     radii = rng.uniform(8, 16, 2)
@@ -58,7 +58,7 @@ def _targets(seed, k):
 
 
 def run_one(way, policy, seed, k):
-    """One scene: what was found, and what the truth says of it."""
+    """Return the result of one scene, and its true error."""
     targets, rng = _targets(seed, k), np.random.default_rng((seed, k, 1))
     number = int(rng.integers(3))
     unknown = unknown_scene(targets, number, rng)
@@ -68,19 +68,19 @@ def run_one(way, policy, seed, k):
     done = sense_part(session, unknown.robot, unknown.rules, furniture=unknown.furniture)
     P, T = session.state.of_parts(), unknown.T_world_part
     right = bool(len(P) and np.argmax(P) == number)
-    asked = [v for v in done.visits if v.action.acquires]
+    planned = [v for v in done.visits if v.action.acquires]
     best = session.answer().hypotheses[0] if right else None
     return {
         "k": k, "right": right, "probability": float(P[number]), "reached": done.end.reached,
         "off": off(session, number, T), "readings": session.count, "seconds": done.seconds,
-        "asked": len(asked), "acquired": sum(v.step is not None for v in asked), "clear": unknown.clear,
+        "planned": len(planned), "acquired": sum(v.step is not None for v in planned), "clear": unknown.clear,
         "nees": None if best is None else nees(targets[number].part, best.T_world_part, best.covariance, T)[0],
-        "notes": [v.note for v in asked],
+        "notes": [v.note for v in planned],
     }  # fmt: skip
 
 
 def summary(way, policy, rows):
-    """One row of the table."""
+    """Return one row of the table."""
     ended = [r for r in rows if r["reached"]]
     inside = [r["nees"] <= NINETY_FIVE for r in rows if r["nees"] is not None and r["off"] < 0.02]
     spread = [f"{np.median(v):.0f} ({np.percentile(v, 90):.0f})" for v in
@@ -88,7 +88,7 @@ def summary(way, policy, rows):
     return (
         f"{policy}, {way}", str(len(rows)), str(sum(r["right"] for r in rows)), str(len(ended)),
         f"{sum(r['right'] for r in ended)}; {sum(r['off'] <= TOLERANCE for r in ended)}",
-        f"{sum(inside)} of {len(inside)}", f"{sum(r['acquired'] for r in rows)} of {sum(r['asked'] for r in rows)}",
+        f"{sum(inside)} of {len(inside)}", f"{sum(r['acquired'] for r in rows)} of {sum(r['planned'] for r in rows)}",
         *spread, f"{1e3 * min(r['clear'] for r in rows):.1f} mm",
     )  # fmt: skip
 

@@ -36,7 +36,7 @@ def _targets():
 
 
 def run_one(policy, k):
-    """One scene: what was found, and what the truth says of it."""
+    """Return the result of one scene, and its true error."""
     targets = _targets()
     rng = np.random.default_rng((1991, k))
     number = k % len(targets)
@@ -55,7 +55,7 @@ def run_one(policy, k):
 
 
 def summary(policy, rows):
-    """One row of the table."""
+    """Return one row of the table."""
     ended = [r for r in rows if r["reached"]]
 
     def spread(name, unit=1.0, digits=0):

@@ -1,11 +1,13 @@
-"""Bores and bosses sensed without contact, over scenes at random: ``python benchmarks/sense_round.py [scenes] [seed]``.
+"""Bores and bosses sensed without contact, over random scenes: ``python benchmarks/sense_round.py [scenes] [seed]``.
 
-A plate with a bore (6 to 30 mm in radius, through or blind) or a boss (30 to 45 mm) tilted above a table; stand-offs of
-12 to 30 mm, latency of 0 to 60 ms; the idea up to 10 mm, 5 degrees and 30 % of the radius wrong. Each as a circle and
-as a cylinder: how often it was acquired and what became of the others, the true clearance of the hand, NEES of all and
-of centre, axis and radius, readings and seconds. Then ideas of what is not there: a slot, a step, a plain face, a
-square pocket, another bore, a boss where a bore is meant: none of them may be acquired as what was meant.
-``--processes`` and ``--keep`` as in ``campaign.py``.
+A plate has a bore (6 to 30 mm in radius, through or blind) or a boss (30 to 45 mm), tilted above a table. Stand-offs
+are
+12 to 30 mm, the latency is 0 to 60 ms, and the guess is up to 10 mm, 5 degrees and 30 % of the radius wrong. Each is
+sensed as a circle and as a cylinder. The first table has: how often it was acquired and how the other attempts ended,
+the true clearance of the hand, NEES of all and of centre, axis and radius, readings and seconds. The second table has
+wrong guesses: a slot, a step, a plain face, a square pocket, another bore, a boss instead of a bore. None of them may
+be
+acquired as the guessed feature. ``--processes`` and ``--keep`` work as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -29,13 +31,13 @@ from tanteo.hand import Cell, Rules, SimulatedHand, clearances, sense_circle, se
 SENSE = {"circle": sense_circle, "cylinder": sense_cylinder}
 CASES = [(kind, convex) for kind in SENSE for convex in (False, True)]
 GROUPS = {"circle": ((0, 1, 2), (3, 4), (5,)), "cylinder": ((0, 1), (2, 3), (4,))}
-"""Rows of the covariance that are of the centre (of a cylinder its axis' place), the axis' direction, the radius."""
+"""Rows of the covariance for the centre (cylinder: the position of the axis), the axis' direction, the radius."""
 CLEARANCE = 0.6
 """Of the rules, as a share of the stand-off."""
 
 
 def run_one(kind, what, seed, k):
-    """One scene: what was acquired, and what the truth says of it."""
+    """Return the feature acquired in one scene, and its true error."""
     rng = np.random.default_rng((seed, len(what), sum(map(ord, what + kind)), k))
     task = round_task(rng, convex=what == "boss") if what in ("bore", "boss") else wrong_task(rng, what)
     robot = SimulatedHand(task.scene, gripper(), task.T_world_hand, rng=rng, cell=Cell(latency=rng.uniform(0, 0.06)))
@@ -58,7 +60,7 @@ def run_one(kind, what, seed, k):
 
 
 def summary(kind, what, rows):
-    """One row of the first table."""
+    """Return one row of the first table."""
     n, good = len(rows), [r for r in rows if r["status"] == "acquired"]
     ends = Counter(r["status"] for r in rows if r["status"] != "acquired")
     dof = good[0]["nees"][1] if good else 1
@@ -84,7 +86,7 @@ COLUMNS = (
 
 
 def wrong_summary(kind, what, rows):
-    """One row of the second table."""
+    """Return one row of the second table."""
     ends = Counter(r["status"] for r in rows)
     worst = [r for r in rows if r["status"] == "acquired"]
     return what, kind, str(len(rows)), str(len(worst)), ", ".join(f"{c} {s}" for s, c in ends.most_common())
@@ -102,7 +104,7 @@ def main(scenes=100, seed=1, wrong=20, keep=None, processes=1):
     rows = [summary(k, w, of(k, w)) for k, c in CASES if (w := "boss" if c else "bore") and of(k, w)]
     print(Table("Bores and bosses", command, COLUMNS, rows).markdown())
     rows = [wrong_summary("circle", what, of("circle", what)) for what in WRONG]
-    columns = "what is there", "asked for", "scenes", "acquired", "statuses"
+    columns = "what is there", "guessed", "scenes", "acquired", "statuses"
     print(Table("What is not there", command, columns, rows).markdown())
 
 

@@ -1,4 +1,4 @@
-"""How honest a calibration is, by the number of places: ``python benchmarks/sensor_fit.py [logs]``."""
+"""Calibration of NEES by the number of places: ``python benchmarks/sensor_fit.py [logs]``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tanteo.sensors import calibrate, plane_angle
 
 
 def one_log(seed, places, saturated):
-    """Two planes at right angles; squared errors over variances, and what was set aside rightly and wrongly."""
+    """Return squared errors over variances for two planes, and counts of right and wrong exclusions."""
     rng = np.random.default_rng(seed)
     floor = SE3.exp(rng.normal(size=6) * [0.3, 0.3, 0.3, 2, 2, 2])
     wall = floor @ SE3.from_parts(SO3.exp(np.array([np.pi / 2, 0, 0])), np.array([0.0, 0.3, 0]))
@@ -56,7 +56,7 @@ def main():
     logs = int(sys.argv[1]) if len(sys.argv) > 1 else 60
     columns = (
         "places", "saturated", "NEES of the beam / 7", "expected", "right angle in 95 %", "saturated readings named",
-        "others set aside", "seconds a log",
+        "others excluded", "seconds a log",
     )  # fmt: skip
     table = Table("Calibration of simulated logs", f"{logs} logs each; 4 readings a place.", columns, [])
     for places, saturated in ((16, False), (30, False), (60, False), (30, True), (60, True)):

@@ -1,7 +1,7 @@
 """Figures of the structure: ``python benchmarks/structure.py [CHECKOUT] [--commit REVISION] [--list NAME]``.
 
 The figures are those by which the redesign into measurement factors is judged. Packages that a checkout lacks are
-left out. ``--list fits`` (``kinds``, ``numbers``, ``entered``) prints the places behind a figure.
+skipped. ``--list fits`` (``kinds``, ``numbers``, ``entered``) prints the places that a figure counts.
 """
 
 from __future__ import annotations
@@ -97,9 +97,9 @@ def cpp_lines(source: str) -> int:
 def python_fits(source: str) -> list[tuple[int, str]]:
     """Return line and name of functions that fit a pose iteratively.
 
-    Such a function has a loop whose body both solves for a step (a linear solve, an inverse or an eigen-decomposition,
-    there or in a function of the same module that it calls) and moves a pose (``SE3.exp`` or ``SO3.exp``) that it
-    assigns back to the variable that it moved. Loops that draw or place poses without solving are not fits.
+    Such a function has a loop whose body both solves for a step and moves a pose. A step is a linear solve, an inverse
+    or an eigen-decomposition, there or in a function of the same module that it calls. A pose moves by ``SE3.exp`` or
+    ``SO3.exp``, assigned back to the same variable. Loops that draw or place poses without solving are not fits.
     """
     tree, out = ast.parse(source), []
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
@@ -125,7 +125,7 @@ def _called(call: ast.Call) -> str:
 
 
 def _moves(node: ast.AST) -> bool:
-    """Whether it assigns to a name a pose made of that name and an exponential, or a setup that it moves."""
+    """Return whether a node assigns to a name a pose made of that name and an exponential, or a setup that it moves."""
     for one in ast.walk(node):
         if not isinstance(one, ast.Assign):
             continue
@@ -211,7 +211,7 @@ def _calls(body: str, names: set[str]) -> bool:
 
 
 def _is_step(functions: list[tuple[int, str, str]], name: str) -> bool:
-    """Whether a function solves and moves itself, once: it has no loop that does."""
+    """Return whether a function solves and moves once, without a loop that does both."""
     for _, own, body in functions:
         if own == name and CPP_SOLVE.search(body) and CPP_MOVE.search(body):
             return not any(CPP_SOLVE.search(loop) and CPP_MOVE.search(loop) for loop in _loops(body))
@@ -240,7 +240,7 @@ def tuned_numbers(source: str) -> list[Number]:
 
     0, 1 and -1 alone, indices in subscripts and what is computed from other constants only do not count as tuned. Nor
     does a constant whose text begins with "Numerical:" or "Definition:". A numerical constant is a tolerance of
-    float64, a number of quadrature nodes, a limit of an iteration or a size of an array, and the text states why a more
+    float64, a number of quadrature nodes, a limit of an iteration or a size of an array. Its text states why a more
     accurate value changes no answer by more than rounding or the stated error. A definition cannot be chosen.
     """
     tree, lines, out = ast.parse(source), source.splitlines(), []
@@ -253,7 +253,7 @@ def tuned_numbers(source: str) -> list[Number]:
             if not found:
                 continue
             target = ast.unparse(node.targets[0] if isinstance(node, ast.Assign) else node.target)
-            text = " ".join([*_said(lines, body, k), attributes.get(target, "")])
+            text = " ".join([*_texts(lines, body, k), attributes.get(target, "")])
             if text.startswith(EXCLUDED):
                 continue
             out.append(Number(node.lineno, target, len(found), bool(SOURCE.search(text))))
@@ -266,7 +266,7 @@ def _attributes(docstring: str) -> dict[str, str]:
     return {name: " ".join(text.split()) for name, text in entries}
 
 
-def _said(lines: list[str], body: list[ast.stmt], k: int) -> Iterator[str]:
+def _texts(lines: list[str], body: list[ast.stmt], k: int) -> Iterator[str]:
     """Yield the docstring after an assignment and the comments beside and above it."""
     node = body[k]
     after = body[k + 1] if k + 1 < len(body) else None
@@ -326,8 +326,8 @@ CPP_KIND = re.compile(r"(?<!Round)\bKind::\w+|\bon_face\(\)|\bamid\(\)|\bswitch\
 """Questions of the kind in C++. ``RoundKind`` is a surface that is fitted, not a kind of measurement."""
 
 
-def kinds_asked(source: str, pattern: re.Pattern) -> list[tuple[int, str]]:
-    """Return line and text of each place that asks what kind a measurement is."""
+def kind_checks(source: str, pattern: re.Pattern) -> list[tuple[int, str]]:
+    """Return line and text of each place that depends on the kind of a measurement."""
     clean = without_comments(source) if pattern is CPP_KIND else _without_texts(source)
     return [
         (n, m[0])
@@ -385,9 +385,9 @@ def fits(checkout: Checkout) -> list[Place]:
 
 
 def kinds(checkout: Checkout) -> list[Place]:
-    """Return where kinds are asked for outside of folders named ``factors``."""
-    found = checkout.everywhere(lambda s: kinds_asked(s, CPP_KIND), ".cpp", ".hpp")
-    found += checkout.everywhere(lambda s: kinds_asked(s, PYTHON_KIND), ".py")
+    """Return the places outside of folders named ``factors`` that depend on the kind of a measurement."""
+    found = checkout.everywhere(lambda s: kind_checks(s, CPP_KIND), ".cpp", ".hpp")
+    found += checkout.everywhere(lambda s: kind_checks(s, PYTHON_KIND), ".py")
     found = [place for place in found if place.path not in OTHER_KINDS]
     return [place for place in found if "factors" not in Path(place.path).parts[:-1]]
 
@@ -451,11 +451,11 @@ def figures(checkout: Checkout, *, trace: bool = True) -> dict[str, int]:
         if found:
             out[f"tuned numbers in {package}"] = sum(n.count for _, n in found)
             out[f"of them with a source in {package}"] = sum(n.count for _, n in found if n.sourced)
-    asked = kinds(checkout)
+    checks = kinds(checkout)
     for name, suffixes in (("C++", (".cpp", ".hpp")), ("Python", (".py",))):
-        some = [place for place in asked if place.path.endswith(suffixes)]
-        out[f"kinds asked for in {name}"] = len(some)
-        out[f"files that ask for kinds in {name}"] = len({place.path for place in some})
+        some = [place for place in checks if place.path.endswith(suffixes)]
+        out[f"checks of a kind in {name}"] = len(some)
+        out[f"files with checks of a kind in {name}"] = len({place.path for place in some})
     lines = [python_lines(p.read_text()) for package in CODE_PACKAGES for p in checkout.files(package, ".py")]
     out["code lines of Python in the judged packages"] = sum(code for code, _ in lines)
     out["docstring lines of Python in the judged packages"] = sum(text for _, text in lines)

@@ -2,7 +2,7 @@
 
 Every value answers the same scenes of ``against_scenes.py`` (rows as there; default: touch, hard_walls, labelled,
 prior) in the same process by turns, so that a slow machine slows all values. The table has one row for each value and
-kind of scene. Several seeds of the search tell a setting from luck. Settings of vision (``vision.search.kept``) answer
+prior) in the same process by turns, so that a slow machine slows all values. The table has one row for each value and
 the images of ``vision_sweep.py`` instead. A number of ``posterior/settings.py`` that names
 rows was chosen so: the smallest effort, or the widest margin, from which "right" does not rise any more.
 """
@@ -79,15 +79,15 @@ def main() -> None:
     parser.add_argument("--rows", nargs="+", default=list(ROWS), help="kinds of scenes: touch, touch=48, hard")
     parser.add_argument("--count", type=int, help="scenes of each row, instead of the usual number")
     parser.add_argument("--seeds", type=int, default=1, help="seeds of the search for each scene")
-    asked = parser.parse_args()
-    if asked.setting.startswith("vision."):
-        count = 10 if asked.count is None else asked.count
-        found = vision_sweep.sweep(asked.setting.removeprefix("vision."), asked.values, count, count // 2)
+    given = parser.parse_args()
+    if given.setting.startswith("vision."):
+        count = 10 if given.count is None else given.count
+        found = vision_sweep.sweep(given.setting.removeprefix("vision."), given.values, count, count // 2)
         print(f"{machine()}\n\n{found.markdown()}")
         return
-    rows = {row: count for row, count in chosen(asked.rows, asked.count).items() if not row.startswith("session")}
-    found = answers(asked.setting, asked.values, rows, asked.seeds)
-    print(f"{machine()}\n\n{table(asked.setting, found).markdown()}")
+    rows = {row: count for row, count in chosen(given.rows, given.count).items() if not row.startswith("session")}
+    found = answers(given.setting, given.values, rows, given.seeds)
+    print(f"{machine()}\n\n{table(given.setting, found).markdown()}")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""Real readings of which nobody tells the noise: ``python benchmarks/unstated.py [draws]``.
+"""Real readings without a stated noise: ``python benchmarks/unstated.py [draws]``.
 
-Sets of the folder of real measurements beside the checkout, each located with no standard deviation stated. Beside what
-the answer tells of the noise stands what is known of it, and beside the pose one that is known otherwise: of the block
-in its other placement, of the castle from all pixels, of the fixture from the other person's touches.
+Each set of the folder of real measurements beside the checkout is located with no standard deviation stated. The table
+has the estimated noise beside its known value, and the pose beside a reference: of the block from its other placement,
+of the castle from all pixels, of the fixture from the other person's touches.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ PIXELS = 24
 
 
 def located(part, points, **columns):
-    """The answer of readings without a standard deviation."""
+    """Return the answer from readings without a standard deviation."""
     return tanteo.locate(tanteo.Readings.from_columns(points=points, **columns), part)
 
 
-def told(answer):
-    """Standard deviation that the answer tells [m], and its bounds: tanteo starts from a tenth of a millimetre."""
+def estimated_sd(answer):
+    """Return the standard deviation that the answer states [m], and its bounds, from a starting value of 0.1 mm."""
     return tuple(1e-4 * factor for factor in answer.hypotheses[0].noise_scale)
 
 
 def row(name, answer, known, against, part=None, truth=None):
-    """One line of the table; ``known`` is what is known of the noise."""
+    """Return one line of the table; ``known`` is the known value of the noise."""
     if not answer.hypotheses:
         return (name, answer.status, "", known, "", against)
-    middle, low, high = (f"{1e3 * sd:.2g}" for sd in told(answer))
+    middle, low, high = (f"{1e3 * sd:.2g}" for sd in estimated_sd(answer))
     if truth is not None:
         h = answer.hypotheses[0]
         moved, turned = off(part, h.T_world_part, truth)
@@ -61,9 +61,9 @@ def row(name, answer, known, against, part=None, truth=None):
 
 
 def block_rows():
-    """Touches of a block in two placements, without labels.
+    """Return the rows of a block in two placements, touched without labels.
 
-    The frame that its dimples name is turned against the drawing's by 13 mrad, in both placements alike.
+    The frame that its dimples name is rotated against the drawing's by 13 mrad, equally in both placements.
     """
     part = tanteo.read_part(cmm.FOLDER / "calibration_block_from_drawing.stl", unit="mm", name="block")
     answers, gaps = {}, []
@@ -124,7 +124,7 @@ def main():
     """Print the table."""
     draws = int(sys.argv[1]) if len(sys.argv) > 1 else 2
     rows = [*block_rows(), *fixture_rows(), *fingertip_rows(), *castle_rows(draws)]
-    columns = ("set", "status", "noise told (95 %)", "known of it", "sd of the worst corner", "beside")
+    columns = ("set", "status", "noise estimated (95 %)", "known of it", "sd of the worst corner", "beside")
     print(Table("No noise stated", f"Real sets; {PIXELS} pixels a draw.", columns, rows).markdown())
 
 

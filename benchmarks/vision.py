@@ -1,12 +1,12 @@
-"""Parts on a table as a camera sees them, partly hidden: ``python benchmarks/vision.py [parts images share seed]``.
+"""Recognition of partly hidden parts on a table from images: ``python benchmarks/vision.py [parts images share seed]``.
 
-``--keep FILE`` and ``--processes N`` are for long ones (``campaign.py``).
+``--keep FILE`` and ``--processes N`` are for long runs (``campaign.py``).
 
-The parts are the twelve of ``examples/parts`` and random workpieces, always the same, or those of the examples that are
-named (``step_12mm,step_15mm`` instead of their number); of each, so many rendered images
-(``tanteo.vision.rendering``: shading, cast shadows, blur, noise) with a plate in the way that hides a share of it, 0.3
-if not given. Every tenth image is of a part that is not among them. The table is told with errors that are drawn from
-those stated for it. The seed is that of the scenes. Printed: how often the true part is among the first answers, how
+The parts are the twelve of ``examples/parts`` and random workpieces, always the same; names of examples
+(``step_12mm,step_15mm``) may replace the number of parts. ``images`` is the number of rendered images of each part
+(``tanteo.vision.rendering``: shading, cast shadows, blur, noise). A plate in front hides a share of the part, 0.3 by
+default. Every tenth image shows a part that is not in the catalogue. The pose of the table has errors drawn from those
+stated for it. ``seed`` is the seed of the scenes. Printed are: how often the true part is among the first answers, how
 often the probabilities are right, the mean log probability of the truth, and the normalised squared error of position
 and yaw.
 """
@@ -32,23 +32,23 @@ from random_parts import random_part
 from tanteo.catalogue import read_parts
 from tanteo.geometry import SE3
 from tanteo.vision import prepare_vision, see_table, silhouette
-from vision_scenes import in_camera, random_shot, told_table
+from vision_scenes import in_camera, random_shot, stated_table
 
 SEED = 1991
 BINS = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)
-STRANGERS = 0.1
+UNKNOWN_SHARE = 0.1
 """Share of images whose part is not in the catalogue: what the vision's prior takes it to be."""
 
 LEAST = 1e-4
 """Truths that are less probable, or not among the answers, count as this in the mean log probability."""
 
-TOLD = 0.95
+CLAIMED = 0.95
 """Probability from which the pose counts as claimed."""
 
 
 @cache
 def models_of(count):
-    """The example parts, then random ones; and strangers."""
+    """Return the example parts, then random ones, and parts that are not in the catalogue."""
     with tempfile.TemporaryDirectory() as folder:
         return _models(count, folder)
 
@@ -60,8 +60,8 @@ def _models(count, folder):
         parts = [part for part in parts if part.name in count.split(",")]
     else:
         parts = parts[:count] + [random_part(Path(folder, f"random{k}.off"), rng) for k in range(count - len(parts))]
-    strangers = [random_part(Path(folder, f"stranger{k}.off"), rng) for k in range(8)]
-    return [prepare_vision(p) for p in parts], [prepare_vision(p) for p in strangers]
+    others = [random_part(Path(folder, f"stranger{k}.off"), rng) for k in range(8)]
+    return [prepare_vision(p) for p in parts], [prepare_vision(p) for p in others]
 
 
 def pose_errors(model, best, truth):
@@ -82,21 +82,21 @@ def pose_errors(model, best, truth):
     return float(e @ np.linalg.solve(J @ best.covariance @ J.T, e)), 1e3 * float(np.linalg.norm(move[:2]))
 
 
-def look(count, k, image, hidden, seed):
-    """One image: rank of the true part, what was claimed and whether it was right, pose error, time."""
-    models, strangers = models_of(count)
+def run_image(count, k, image, hidden, seed):
+    """Return the figures of one image: rank of the true part, claim and whether it was right, pose error, time."""
+    models, others = models_of(count)
     rng = np.random.default_rng([seed, k, image])
-    stranger = strangers[int(rng.integers(len(strangers)))] if rng.uniform() < STRANGERS else None
-    shot = random_shot([models[k]], rng, hidden, stranger)
-    T_world_table = told_table(shot, (stranger or models[k]).part, rng)
+    other = others[int(rng.integers(len(others)))] if rng.uniform() < UNKNOWN_SHARE else None
+    shot = random_shot([models[k]], rng, hidden, other)
+    T_world_table = stated_table(shot, (other or models[k]).part, rng)
     start = time.process_time()
     sight = see_table(shot.image, shot.camera, models, T_world_table=T_world_table, top=20)
     spent = time.process_time() - start
     if not sight.objects:
         return None
-    known = stranger is None
-    # the object is the one that has most of the part's place in the image; the thing in the way may be another
-    there = silhouette((stranger or models[k]).frame.surface, shot.camera, in_camera(shot))
+    known = other is None
+    #     # the object covers most of the part's place in the image; the plate in front may be another object
+    there = silhouette((other or models[k]).frame.surface, shot.camera, in_camera(shot))
     seen = max(sight.objects, key=lambda seen: (seen.region.mask & there).sum())
     answer = seen.answer
     truth = models[k].part.name if known else None
@@ -108,9 +108,9 @@ def look(count, k, image, hidden, seed):
     rank = names.index(truth) if truth in names else 99
     first = max(shares, key=shares.get) if shares else None
     none = answer.unknown_probability
-    claim, said = (none, None) if first is None or none > shares[first] else (shares[first], first)
+    claim, named = (none, None) if first is None or none > shares[first] else (shares[first], first)
     nees = mm = np.nan
-    if known and best is not None and best.part == truth and best.probability > TOLD and not best.unobserved:
+    if known and best is not None and best.part == truth and best.probability > CLAIMED and not best.unobserved:
         nees, mm = pose_errors(models[k], best, shot.T_world_part)
     continuous = known and models[k].part.symmetry.continuous
     if known and rank > 2:
@@ -118,17 +118,17 @@ def look(count, k, image, hidden, seed):
     # what is left belongs to the parts in poses that were not found
     left = max(1 - none - sum(shares.values()), 0.0) / len(models)
     truly = shares.get(truth, 0.0) + left if known else none
-    return known, rank, claim, said == truth, nees if not continuous else np.nan, mm, spent, shot.hidden, truly
+    return known, rank, claim, named == truth, nees if not continuous else np.nan, mm, spent, shot.hidden, truly
 
 
 def report(rows, hidden):
-    """The rows as a table."""
+    """Return the rows as a table."""
     known, rank, claim, right, nees, mm, spent, covered, truly = (
         np.array(column) for column in zip(*rows, strict=True)
     )
     known = known.astype(bool)
     table = []
-    table.append(("images, of a stranger", f"{len(rows)}, {(~known).sum()}"))
+    table.append(("images, of a part that is not in the catalogue", f"{len(rows)}, {(~known).sum()}"))
     table.append(("hidden on the average", f"{100 * covered.mean():.0f} %"))
     table.append(("true part is the first", f"{100 * np.mean(rank[known] == 0):.1f} %"))
     table.append(("true part in the first three", f"{100 * np.mean(rank[known] < 3):.1f} %"))
@@ -143,7 +143,9 @@ def report(rows, hidden):
     near = z[z < 50]
     if len(z):
         low, high = chi2.ppf([0.005, 0.995], 3 * len(z)) / (3 * len(z))
-        table.append(("position and yaw, NEES / dof", f"{z.mean() / 3:.2f} ({len(z)}); honest {low:.2f} to {high:.2f}"))
+        table.append(
+            ("position and yaw, NEES / dof", f"{z.mean() / 3:.2f} ({len(z)}); expected {low:.2f} to {high:.2f}")
+        )
         table.append(("the same without gross errors", f"{near.mean() / 3:.2f} ({len(near)})"))
         table.append(("inside the 95 % region", f"{100 * np.mean(z < chi2.ppf(0.95, 3)):.1f} %"))
         table.append(("error of position, median", f"{np.nanmedian(mm):.2f} mm"))
@@ -160,7 +162,7 @@ def main():
     seed = int(arguments[3]) if len(arguments) > 3 else SEED
     parts = len(count.split(",")) if isinstance(count, str) else count
     cases = [(count, k, image, hidden, seed) for image in range(images) for k in range(parts)]
-    rows = [row for row in run_cases(look, cases, keep, processes) if row is not None]
+    rows = [row for row in run_cases(run_image, cases, keep, processes) if row is not None]
     print(report(rows, hidden).markdown())
 
 

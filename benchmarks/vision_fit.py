@@ -1,10 +1,10 @@
-"""Fit what images of tables are weighed with on rendered scenes: ``python benchmarks/vision_fit.py [scenes]``.
+"""Fit the weights of images of tables on rendered scenes: ``python benchmarks/vision_fit.py [scenes]``.
 
 The parts are random workpieces and random machined parts (``tests/machined_parts.py``), some with a mirror image or a
-near twin; none of them is measured anywhere. Two catalogues of twenty are strangers to each other; in each scene all
-parts of one are asked about. Printed are the weights that make the truth most probable, and how well a fit to
-the first half of the scenes does on the second. ``--keep FILE`` and ``--processes N`` are for long ones
-(``campaign.py``).
+near twin; no benchmark measures any of these parts. Two catalogues of twenty have no part in common; each scene uses
+one
+of them. Printed are the most probable weights, and how well a fit to the first half of the scenes does on the second.
+``--keep FILE`` and ``--processes N`` are for long runs (``campaign.py``).
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ from tanteo.vision.candidates import candidates_in, own_edges
 from tanteo.vision.image_edges import Weights
 from tanteo.vision.posterior import searched, sums_at
 from tanteo.vision.sight import area_of, image_of_region
-from vision_scenes import random_shot, told_table
+from vision_scenes import random_shot, stated_table
 
 CATALOGUES, SEED, FIRST = (7001, 7002), 7100, 21
 """Seeds of the parts and of the scenes, and the first scene; no test or benchmark uses them."""
 
 HIDDEN = (0.0, 0.2, 0.3, 0.3, 0.4)
-"""Shares of the part that are hidden, as often as they are named."""
+"""Hidden shares of the part, each drawn with equal probability (0.3 twice)."""
 
-STRANGERS = 0.25
-"""Share of scenes whose part is not asked about; they are weighed down to the prior."""
+UNKNOWN_SHARE = 0.25
+"""Share of scenes whose part is not in the catalogue; their weight is reduced to the prior."""
 
 BEFOREHAND = np.array([1.0, 1.0, 1.0, 3.0, 1.0])
 """Standard deviations of the weights about zero beforehand: what no scene shows has no weight without end."""
 
 UNKNOWN = Priors().unknown
-"""Probability beforehand that the part of a scene is not asked about."""
+"""Prior probability that the part of a scene is not in the catalogue."""
 
 NEAR = 0.05
 """A pose is right if no point of the part is farther off than this share of the part."""
@@ -54,7 +54,7 @@ NEAR = 0.05
 
 @cache
 def catalogues():
-    """The prepared parts of both."""
+    """Return the prepared parts of both catalogues."""
     out = []
     for seed in CATALOGUES:
         with tempfile.TemporaryDirectory() as folder:
@@ -63,21 +63,21 @@ def catalogues():
 
 
 def scene(k):
-    """The parts, the picture, the stranger if it shows one, and the table as it is told."""
+    """Return the catalogue, the picture, the part if it is not in the catalogue, and the stated pose of the table."""
     rng = np.random.default_rng([SEED, k])
     known, others = catalogues()[k % 2], catalogues()[1 - k % 2]
-    stranger = others[int(rng.integers(len(others)))] if rng.uniform() < STRANGERS else None
-    shot = random_shot(known, rng, float(rng.choice(HIDDEN)), stranger)
-    return known, shot, stranger, told_table(shot, (stranger or shot.model).part, rng)
+    other = others[int(rng.integers(len(others)))] if rng.uniform() < UNKNOWN_SHARE else None
+    shot = random_shot(known, rng, float(rng.choice(HIDDEN)), other)
+    return known, shot, other, stated_table(shot, (other or shot.model).part, rng)
 
 
 def near(model, T, truth):
-    """Whether no point of the part is farther off than a twentieth of it, for the nearest symmetric image."""
+    """Return whether every point of the part is within a twentieth of its size, for the nearest symmetric image."""
     gaps = SE3.apply(truth @ model.part.symmetry.Ts[:, None], model.inner) - SE3.apply(T, model.inner)
     return bool(np.linalg.norm(gaps, axis=-1).max(axis=-1).min() < NEAR * model.part.diagonal)
 
 
-def looked_at(shot, model):
+def view(shot, model):
     """Pose of the part in the camera, edges of the picture, and the region that shows it; None where none does."""
     truth = SE3.inverse(shot.camera.T_world_camera) @ shot.T_world_part
     points = find_edges(shot.image)
@@ -87,9 +87,9 @@ def looked_at(shot, model):
 
 
 def weighed(k):
-    """Sums of the maxima of one scene, which of them are right, and the stretches of edge; None unseen."""
-    models, shot, stranger, T_world_table = scene(k)
-    truth, edges, region = looked_at(shot, stranger or shot.model)
+    """Return the sums of the maxima of a scene, the right ones, and the stretches of edge; None if unseen."""
+    models, shot, other, T_world_table = scene(k)
+    truth, edges, region = view(shot, other or shot.model)
     if region is None:
         return None
     camera, errors = shot.camera, TableErrors()
@@ -112,8 +112,8 @@ def weighed(k):
         T_camera_world = SE3.inverse(camera.T_world_camera)
         right += [c.model is shot.model and near(c.model, T_camera_world @ T, truth) for T in peaks.Ts]
     stretches = float(own_edges(region, edges).sum()) / EVIDENCE.stretch
-    known = stranger is None
-    return {"rows": rows, "right": right, "stretches": stretches, "stranger": not known, "parts": len(models)}
+    known = other is None
+    return {"rows": rows, "right": right, "stretches": stretches, "unknown": not known, "parts": len(models)}
 
 
 def log_posterior(scene, theta):
@@ -127,19 +127,19 @@ def log_posterior(scene, theta):
 
 
 def loss(theta, scenes):
-    """Minus the mean log probability of the truth, strangers weighed down to their prior."""
+    """Return minus the mean log probability of the truth; scenes of unknown parts have their prior weight."""
     out = total = 0.0
     for scene in scenes:
         log, none = log_posterior(scene, theta)
-        weight = UNKNOWN / STRANGERS if scene["stranger"] else (1 - UNKNOWN) / (1 - STRANGERS)
+        weight = UNKNOWN / UNKNOWN_SHARE if scene["unknown"] else (1 - UNKNOWN) / (1 - UNKNOWN_SHARE)
         total += weight
-        true = scene["right"].any() and not scene["stranger"]
+        true = scene["right"].any() and not scene["unknown"]
         out -= weight * float(logsumexp(log[scene["right"]]) if true else none)
     return out / total
 
 
 def fitted(scenes, start):
-    """The most probable weights."""
+    """Return the most probable weights."""
 
     def cost(theta):
         return loss(theta, scenes) + 0.5 * float(np.sum((theta / BEFOREHAND) ** 2)) / len(scenes)
@@ -159,14 +159,14 @@ def fit_weights(cases, keep, processes):
         print(
             f"loss on {name} ({len(some)}): {loss(start, some):.3f} with those in use, {loss(theta, some):.3f} fitted"
         )
-    known = [s for s in scenes if not s["stranger"]]
+    known = [s for s in scenes if not s["unknown"]]
     print(f"the true pose is among the candidates in {sum(s['right'].any() for s in known)} of {len(known)}")
     for name, theta in (("in use", start), ("fitted to the first half", half)):
         claims, right = [], []
         for scene in second:
             log, none = log_posterior(scene, theta)
             claims.append(np.exp(max(log.max(), none)))
-            right.append(scene["stranger"] if none > log.max() else bool(scene["right"][np.argmax(log)]))
+            right.append(scene["unknown"] if none > log.max() else bool(scene["right"][np.argmax(log)]))
         print(f"second half, {name}: best answer claimed {np.mean(claims):.3f}, right {np.mean(right):.3f}")
 
 

@@ -1,9 +1,10 @@
-"""How far off poses from images are, beside what is stated: ``python benchmarks/vision_poses.py [images]``.
+"""Errors of poses from images, relative to the stated ones: ``python benchmarks/vision_poses.py [images]``.
 
-What recognition does is left out: the part is known and the search starts at the truth. The same scenes are rendered
-with 30 % of the part hidden, with nothing hidden, and without noise as well; the table is told with errors as stated.
-Of the lens it is told how exact it is, or nothing; it is as told, or its distortion is wrong. Printed is the normalised
-squared error of position and yaw. ``--keep FILE`` and ``--processes N``: ``campaign.py``.
+Recognition is excluded: the part is known and the search starts at the truth. The same scenes are rendered with 30 % of
+the part hidden, with nothing hidden, and without noise as well; the pose of the table has errors as stated. The
+accuracy
+of the lens is stated or not, and its distortion is right or wrong. Printed is the normalised squared error of position
+and yaw. ``--keep FILE`` and ``--processes N``: ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -24,49 +25,49 @@ from tanteo.vision.image_edges import Weights
 from tanteo.vision.posterior import infer
 from tanteo.vision.sight import area_of, image_of_region
 from vision import models_of, pose_errors
-from vision_scenes import in_camera, random_shot, told_table
+from vision_scenes import in_camera, random_shot, stated_table
 
 SEED = 2024
 WAYS = {
     "30 % hidden": (0.3, 1.0, 0.0, 0.0),
     "nothing hidden": (0.0, 1.0, 0.0, 0.0),
     "nothing hidden, no noise": (0.0, 0.0, 0.0, 0.0),
-    "30 % hidden, nothing is said of the lens": (0.3, 1.0, 0.0, USUAL_EDGE_SD),
-    "lens wrong by 0.1 px, nothing is said": (0.3, 1.0, 0.1, USUAL_EDGE_SD),
-    "lens wrong by 0.3 px, nothing is said": (0.3, 1.0, 0.3, USUAL_EDGE_SD),
-    "lens wrong by 0.3 px, and that is said": (0.3, 1.0, 0.3, 0.3),
-    "lens wrong by 0.1 px, said to be exact": (0.3, 1.0, 0.1, 0.0),
+    "30 % hidden, lens accuracy not stated": (0.3, 1.0, 0.0, USUAL_EDGE_SD),
+    "lens wrong by 0.1 px, not stated": (0.3, 1.0, 0.1, USUAL_EDGE_SD),
+    "lens wrong by 0.3 px, not stated": (0.3, 1.0, 0.3, USUAL_EDGE_SD),
+    "lens wrong by 0.3 px, stated so": (0.3, 1.0, 0.3, 0.3),
+    "lens wrong by 0.1 px, stated as exact": (0.3, 1.0, 0.1, 0.0),
 }
-"""Share that is hidden, what the noise is multiplied with, by how much the lens is wrong and is said to be [px]."""
+"""Hidden share, factor of the noise, error of the lens, and its stated error [px]."""
 
 
-def told_camera(camera, wrong, rng):
-    """The camera with distortion of its own: pixels are off by so much along each axis, rms, and not on the average."""
+def distorted_camera(camera, wrong, rng):
+    """Return the camera with a random distortion of a given rms pixel error along each axis and zero mean."""
     size = np.array(camera.size)
     rays = np.stack(np.meshgrid(*(np.linspace(0, n, 20) for n in size)), axis=-1).reshape(-1, 2)
     rays = np.c_[(rays - camera.centre) / camera.focal, np.ones(len(rays))]
-    told, before = camera, project(camera, rays)
+    distorted, before = camera, project(camera, rays)
     for k, weight in enumerate(rng.normal(size=4)):
         one = 1e-4 * (np.arange(len(camera.distortion)) == k)
         moved = project(replace(camera, distortion=camera.distortion + one), rays) - before
-        told = replace(told, distortion=told.distortion + weight * one / np.std(moved, axis=0).max())
-    moved = project(told, rays) - before
+        distorted = replace(distorted, distortion=distorted.distortion + weight * one / np.std(moved, axis=0).max())
+    moved = project(distorted, rays) - before
     share = wrong / np.sqrt(np.mean((moved - moved.mean(axis=0)) ** 2))
-    told = replace(told, distortion=camera.distortion + share * (told.distortion - camera.distortion))
+    distorted = replace(distorted, distortion=camera.distortion + share * (distorted.distortion - camera.distortion))
     K = camera.K.copy()
-    K[:2, 2] -= (project(told, rays) - before).mean(axis=0)
-    return replace(told, K=K)
+    K[:2, 2] -= (project(distorted, rays) - before).mean(axis=0)
+    return replace(distorted, K=K)
 
 
-def pose(image, hidden, noise, wrong, said):
-    """Squared error over its covariance and error in mm; None where a direction is free."""
+def pose(image, hidden, noise, wrong, stated):
+    """Return the squared error over its covariance and the error in mm; None if a direction is unobserved."""
     models = [m for m in models_of(20)[0] if not m.part.symmetry.continuous]
     model, rng = models[image % len(models)], np.random.default_rng([SEED, image])
     shot = random_shot([model], rng, hidden, noise=noise)
-    camera, points = replace(shot.camera, edge_sd=said), find_edges(shot.image)
+    camera, points = replace(shot.camera, edge_sd=stated), find_edges(shot.image)
     if wrong:
-        camera = told_camera(camera, wrong, np.random.default_rng([SEED, image, 2]))
-    table = told_table(shot, model.part, np.random.default_rng([SEED, image, 1]))
+        camera = distorted_camera(camera, wrong, np.random.default_rng([SEED, image, 2]))
+    table = stated_table(shot, model.part, np.random.default_rng([SEED, image, 1]))
     T_camera_table = SE3.inverse(camera.T_world_camera) @ table
     truth, errors = in_camera(shot), TableErrors()
     there = silhouette(model.frame.surface, camera, truth)
@@ -92,7 +93,7 @@ def main():
             (name, str(len(z)), f"{z.mean() / 3:.2f} ({low:.2f} to {high:.2f})", f"{middle:.2f}", f"{near:.1%}",
              f"{np.median(mm):.3f} mm", f"{z.max():.0f}")
         )  # fmt: skip
-    head = ("scenes", "poses", "NEES / dof (honest)", "median / expected", "in the 95 % region", "error", "worst")
+    head = ("scenes", "poses", "NEES / dof (expected)", "median / expected", "in the 95 % region", "error", "worst")
     print(Table("Poses", "", head, rows).markdown())
 
 

@@ -30,10 +30,10 @@ def choose(name: str, value: float) -> None:
 
 
 def on_table(image: int) -> list[tuple]:
-    """Return the rows of ``vision.look`` for one image of either part."""
-    from vision import look
+    """Return the rows of ``vision.run_image`` for one image of either part."""
+    from vision import run_image
 
-    return [row for k in range(2) if (row := look(PARTS, k, image, 0.3, SEED)) is not None]
+    return [row for k in range(2) if (row := run_image(PARTS, k, image, 0.3, SEED)) is not None]
 
 
 def anywhere(image: int) -> tuple[bool, float]:

@@ -34,7 +34,7 @@ from tanteo.planning import HYPOTHESES, part_seen, seen_start, sense_part
 from tanteo.posterior import prepare
 from tanteo.vision import RenderedObject, Stage, prepare_vision, render, rendered_part, see_table, silhouette
 from unknown_scenes import off, unknown_scene, unknown_session
-from vision_scenes import random_look
+from vision_scenes import random_rendering
 
 SEED, TOLERANCE = 1991, 2e-3
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
@@ -42,7 +42,7 @@ FOLDER = Path(__file__).parents[1] / "examples" / "parts"
 
 @cache
 def prepared(count):
-    """The example parts, then random ones, prepared for the hand and for the camera."""
+    """Return the example parts, then random ones, prepared for the hand and for the camera."""
     rng, parts = np.random.default_rng(SEED), list(read_parts([FOLDER]).parts)[:count]
     with tempfile.TemporaryDirectory() as folder:
         parts += [random_part(Path(folder, f"random{k}.off"), rng) for k in range(count - len(parts))]
@@ -50,15 +50,15 @@ def prepared(count):
 
 
 def scene_of(targets, models, number, scene):
-    """The same scene every time: one to be sensed blind, one to be sensed after a look."""
+    """Return the same scene on every call, once to be sensed blind, once to be sensed after an image."""
     rng = np.random.default_rng((SEED, number, scene))
     rests = models[number].rests
     k = int(rng.choice(len(rests), p=[rest.probability for rest in rests]))
     return unknown_scene(targets, number, rng, rest=rests[k].T_table_part[:3, :3]), rng
 
 
-def looked_at(unknown, models, number, rng):
-    """What an image of the scene shows of the part, and the processor time of looking."""
+def view(unknown, models, number, rng):
+    """Return what an image of the scene shows of the part, and the processor time of the image analysis."""
     camera = table_camera(rng.uniform(0.5, 0.7), rng.uniform(5, 35), rng.uniform(-180, 180))
     middle = SE3.apply(unknown.T_world_part, models[number].part.centroid) * [1, 1, 0]
     at = np.array(camera.T_world_camera)
@@ -67,7 +67,7 @@ def looked_at(unknown, models, number, rng):
     clamp = next(s for s in unknown.scene.solids if s.name == "clamp")
     objects = [rendered_part(models[number].part, unknown.T_world_part, rng.uniform(70, 150))]
     objects.append(RenderedObject.of_mesh(clamp.vertices, clamp.triangles, rng.uniform(70, 150)))
-    image, _ = render(Stage(camera, objects, random_look(rng)), rng)
+    image, _ = render(Stage(camera, objects, random_rendering(rng)), rng)
     start = time.process_time()
     known = silhouette(Scene.of([clamp]).surface, camera, SE3.inverse(at))
     seen = part_seen(see_table(image, camera, models, top=HYPOTHESES, ignore=known), unknown.start)
@@ -75,7 +75,7 @@ def looked_at(unknown, models, number, rng):
 
 
 def sensed(unknown, start, number, seed):
-    """One run of the hand: what was found, and what the truth says of it."""
+    """Return the result of one run of the hand, and its true error."""
     begin = time.process_time()
     session = unknown_session(replace(unknown, start=start), seed=seed, tolerance=TOLERANCE, max_measurements=60)
     done = sense_part(session, unknown.robot, unknown.rules, furniture=unknown.furniture)
@@ -89,19 +89,19 @@ def sensed(unknown, start, number, seed):
 
 
 def run_one(count, number, scene, way):
-    """One scene of one of so many parts, blind or seen."""
+    """Return the result of one scene of one of the parts, blind or after an image."""
     targets, models = prepared(count)
     unknown, rng = scene_of(targets, models, number, scene)
     if way == "blind":
         return sensed(unknown, unknown.start, number, scene)
-    look, cpu = looked_at(unknown, models, number, rng)
-    seen = sensed(unknown, seen_start(look, targets, unknown.start), number, scene)
-    first = look.answer.hypotheses[0] if look is not None else None
+    sight, cpu = view(unknown, models, number, rng)
+    seen = sensed(unknown, seen_start(sight, targets, unknown.start), number, scene)
+    first = sight.answer.hypotheses[0] if sight is not None else None
     return seen | {"cpu": seen["cpu"] + cpu, "named": first is not None and first.part == targets[number].part.name}
 
 
 def row(name, rows):
-    """One row of the table."""
+    """Return one row of the table."""
     ended = [r for r in rows if r["reached"]]
 
     def spread(key, unit=1.0, digits=0):

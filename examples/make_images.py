@@ -11,7 +11,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from rendered import slab_thing, table_camera
+from rendered import rendered_slab, table_camera
 from tanteo.catalogue import stable_poses
 from tanteo.geometry import SE3, SO3
 from tanteo.io import write_image
@@ -70,7 +70,7 @@ def main():
             truth.append(",".join([name, part_name, *(f"{v:.4f}" for v in numbers)]))
         if name == "half_hidden":
             place = SE3.from_parts(SO3.axis_rotation(2, 0.6), np.array([0.005, 0.0, 0.09]))
-            drawn.append(slab_thing(HAND, 0.012, place, 160))
+            drawn.append(rendered_slab(HAND, 0.012, place, 160))
         image, _ = render(Stage(CAMERA, drawn, Appearance(noise=2.0)), rng)
         write_image(folder / f"{name}.png", image)
     (folder / "truth.csv").write_text("\n".join([*truth, ""]))

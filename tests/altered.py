@@ -1,4 +1,4 @@
-"""Measurements with other columns: each factor is made anew."""
+"""Measurements with changed columns: each factor is rebuilt."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ VECTORS = {"directions": "approach", "sides": "outward"}
 
 
 def altered(measurements, /, **columns):
-    """The same measurements with some columns changed; zero directions and normals mean that none was sensed."""
+    """Return the same measurements with some columns changed; a zero direction or normal means not sensed."""
     kinds = columns.pop("kinds", measurements.kinds)
     normals, sds = columns.pop("normals", measurements.normals), columns.pop("normal_sds", measurements.normal_sds)
     columns.pop("sd", None)  # follows from the covariances

@@ -162,7 +162,7 @@ def with_tip_off(target, T, z, n, rng, sd=5e-5, off=3e-3):
 
 
 def mounted(target, T, n, rng, sd=3e-4, off=2e-3, turned=0.0175):
-    """Beams of a sensor that sits elsewhere on the hand than it says, one draw of it, from 50 to 250 mm away.
+    """Return beams of a sensor with a mounting error, one draw for all, from 50 to 250 mm away.
 
     Args:
         target: the part.
@@ -171,7 +171,7 @@ def mounted(target, T, n, rng, sd=3e-4, off=2e-3, turned=0.0175):
         rng: of all draws.
         sd: noise of a range [m].
         off: standard deviation of where the sensor sits, each axis [m].
-        turned: of how it is turned, about each axis [rad].
+        turned: standard deviation of the rotation of the mounting about each axis [rad].
     """
     mount = SE3.exp(np.repeat([off, turned], 3) * rng.normal(size=6))
     points, directions, shared_jacobian = [], [], []
@@ -191,7 +191,8 @@ def mounted(target, T, n, rng, sd=3e-4, off=2e-3, turned=0.0175):
 
 
 def thin_beams(target, T, n, rng, sd=3e-3):
-    """Ranges of beams without width, told with their spread along alone, as the program makes touches of them."""
+    """Return ranges of beams without width and with a stated noise along them only, as the program makes touches of
+    them."""
     p, d = beams(target, n, rng)
     directions, ranges = d @ T[:3, :3].T, REACH + sd * rng.normal(size=n)
     points = SE3.apply(T, p) + (ranges - REACH)[:, None] * directions
@@ -205,7 +206,7 @@ def box_centred_pose(rng, spread=0.5):
 
 
 def holds(target, maxima, one):
-    """Whether a maximum is among others, up to symmetry."""
+    """Return whether a maximum is among others, up to symmetry."""
     information = pose_information(one.information)[0]
     gaps = SE3.inverse(one.Ts[0]) @ (maxima.Ts[:, None] @ target.part.symmetry.Ts)
     xi = SE3.log(without_symmetric_rotation(target.part, gaps) if target.part.symmetry.continuous else gaps)
@@ -234,7 +235,7 @@ def off(part, T, truth):
 
 
 def inside(value, dof, level=0.95):
-    """Whether a squared Mahalanobis distance is inside the region of that probability."""
+    """Return whether a squared Mahalanobis distance is inside the region of a given probability."""
     return value <= chi2.ppf(level, dof)
 
 

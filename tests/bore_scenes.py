@@ -33,7 +33,7 @@ class RoundTask:
 
 
 def turned_profile(half, rings):
-    """A closed mesh about z: rings (radius, function of the angle or None for a square so wide; height) axis to axis.
+    """Return a closed mesh about z from rings (radius, function of the angle or None for a square; height).
 
     Radius 0 is a point on the axis. The first ring is the top's middle or inner rim, the last one the bottom's.
     """
@@ -62,7 +62,7 @@ def turned_profile(half, rings):
 
 
 def plate(radius, *, convex=False, half=0.07, thick=0.02, depth=None, high=0.025):
-    """A square plate whose rim of a bore (through, or so deep) or of a boss (so high) is at its frame's origin."""
+    """Return a square plate with a bore (through or of a depth) or a boss; the rim is at its frame's origin."""
     if convex:
         rings = [(0, 0), (radius, 0), (radius, -high), (None, -high), (None, -high - thick), (0, -high - thick)]
     elif depth is None:
@@ -73,7 +73,7 @@ def plate(radius, *, convex=False, half=0.07, thick=0.02, depth=None, high=0.025
 
 
 def solid(half=0.07, thick=0.02):
-    """A plate without a bore."""
+    """Return a plate without a bore."""
     return turned_profile(half, [(0, 0), (None, 0), (None, -thick), (0, -thick)])
 
 
@@ -100,11 +100,11 @@ WRONG = (
     "slot", "slot end", "square", "hexagon", "step", "plain",
     "larger bore", "next bore", "boss for bore", "bore for boss",
 )  # fmt: skip
-"""What may be there instead of what is meant."""
+"""Features that may be present instead of the guessed one."""
 
 
 def wrong_task(rng, what):
-    """A scene in which what is meant is not there, but something like it."""
+    """Return a scene without the guessed feature but with a similar one."""
     radius = rng.uniform(0.009, 0.022)
     exact = (0.004, np.radians(3.0), 0.1)
     if what in ("slot", "slot end"):
@@ -120,22 +120,22 @@ def wrong_task(rng, what):
         return round_task(rng, radius=radius, mesh=solid(), wrong=exact)
     if what == "step":
         task = round_task(rng, radius=radius, mesh=solid(half=0.06), wrong=exact)
-        aside = (0.06 + rng.uniform(-0.5, 0.5) * radius) * task.T_world_rim[:3, 0]
-        return replace(task, guess=replace(task.guess, point=task.guess.point + aside))
+        offset = (0.06 + rng.uniform(-0.5, 0.5) * radius) * task.T_world_rim[:3, 0]
+        return replace(task, guess=replace(task.guess, point=task.guess.point + offset))
     if what == "larger bore":
         task = round_task(rng, radius=radius, wrong=exact)
         return replace(task, guess=replace(task.guess, radius=radius / rng.uniform(1.5, 2.0), radius_share=0.05))
     if what == "next bore":
         task = round_task(rng, radius=radius, wrong=(0.002, np.radians(3.0), 0.02))
-        aside = rng.uniform(0.025, 0.035) * task.T_world_rim[:3, 0]
-        return replace(task, guess=replace(task.guess, point=task.guess.point + aside, sd=0.003))
+        offset = rng.uniform(0.025, 0.035) * task.T_world_rim[:3, 0]
+        return replace(task, guess=replace(task.guess, point=task.guess.point + offset, sd=0.003))
     boss = what == "boss for bore"
     task = round_task(rng, convex=boss, radius=rng.uniform(0.030, 0.040) if boss else radius, wrong=exact)
     return replace(task, guess=replace(task.guess, convex=not boss))
 
 
 def round_task(rng, *, convex=False, radius=None, standoff=None, mesh=None, beside=None, wrong=(OFF, TURNED, SHARE)):
-    """A plate with a bore or a boss, somewhat tilted above a table, and an idea of it that is wrong by as much."""
+    """Return a plate with a bore or a boss, slightly tilted above a table, and a guess with errors."""
     radius = radius or (rng.uniform(0.030, 0.045) if convex else rng.uniform(0.006, 0.030))
     standoff = standoff or rng.uniform(0.012, 0.030)
     T = SE3.from_parts(SO3.exp(np.array([*rng.normal(size=2) * 0.2, rng.uniform(-np.pi, np.pi)])), [0, 0, 0.15])
@@ -162,7 +162,7 @@ def _wrong(rng, T, radius, wrong):
 
 
 def whole_covariance(feature: Feature) -> np.ndarray:
-    """Of the frame's rows and then the radius, shared errors included ``(size + 1, size + 1)``."""
+    """Return the covariance of the frame's rows and then the radius, with shared errors ``(size + 1, size + 1)``."""
     C = np.array(feature.full_covariance)
     for k, term in enumerate(feature.shared):
         own = feature.size.shared[k] if feature.size.shared else np.zeros((1, term.jacobian.shape[1]))
@@ -172,7 +172,7 @@ def whole_covariance(feature: Feature) -> np.ndarray:
 
 
 def round_error(feature: Feature, T, radius) -> np.ndarray:
-    """The true circle or cylinder as the sensed one sees it: rows of its frame, and the radius."""
+    """Return the true circle or cylinder relative to the sensed one: rows of its frame, and the radius."""
     local = SE3.inverse(feature.T_world_feature) @ T
     z = local[:3, 2] * np.sign(local[2, 2])
     at = local[:3, 3] - local[2, 3] / z[2] * z if feature.kind.name == "cylinder" else local[:3, 3]

@@ -1,4 +1,4 @@
-"""A page in a real browser, watched: what it said, what it asked for, what can be read, reached and named in it."""
+"""A page in a real browser, observed: its messages and requests, and what can be read, reached and named in it."""
 
 from __future__ import annotations
 
@@ -100,10 +100,10 @@ FOCUSED = """() => {
 
 
 class Watched:
-    """A page, and what it said and asked for.
+    """A page with its console messages and network requests.
 
     Args:
-        noise: Types of console messages that count as something said; None counts all.
+        noise: types of console messages that count as messages; None counts all.
     """
 
     def __init__(self, browser, url, size, scheme="light", *, offline=False, noise=None):
@@ -111,25 +111,26 @@ class Watched:
             viewport=dict(zip(("width", "height"), SIZES[size], strict=True)), color_scheme=scheme, offline=offline,
             has_touch=size == "phone",
         )  # fmt: skip
-        self.page, self.said, self.asked = self.context.new_page(), [], []
+        self.page, self.messages, self.requests = self.context.new_page(), [], []
         self.page.set_default_timeout(PATIENCE)
         self.page.on("console", lambda m: self._heard(m.text) if noise is None or m.type in noise else None)
-        self.page.on("pageerror", lambda error: self.said.append(str(error)))
-        self.page.on("request", lambda request: self.asked.append(request.url))
-        self.page.on("websocket", lambda socket: self.asked.append(socket.url.replace("ws://", "http://")))
+        self.page.on("pageerror", lambda error: self.messages.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("websocket", lambda socket: self.requests.append(socket.url.replace("ws://", "http://")))
         self.page.goto(url)
-        self.settle()
+        self.wait_until_quiet()
 
     def _heard(self, text):
         if "GL Driver Message" not in text:  # the browser about its own screenshots
-            self.said.append(text)
+            self.messages.append(text)
 
-    def settle(self):
+    def wait_until_quiet(self):
         """Wait until what was wanted has been drawn."""
         self.page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
     def until(self, expression):
-        """Wait for it to become true; asked from outside, since the policy of a report allows no page to evaluate."""
+        """Wait until an expression is true; Python evaluates it, since the policy of a report allows no page to do
+        so."""
         for _ in range(PATIENCE // 50):
             if self.page.evaluate(expression):
                 return
@@ -138,14 +139,14 @@ class Watched:
 
 
 def pixels(png):
-    """Of a screenshot ``(h, w, 3)``, from 0 to 1."""
+    """Return the pixels of a screenshot ``(h, w, 3)``, from 0 to 1."""
     from matplotlib.image import imread
 
     return imread(io.BytesIO(png))[..., :3]
 
 
 def colours(picture):
-    """How many there are."""
+    """Return the number of colours."""
     return len(np.unique((picture.reshape(-1, 3) * 31).astype(int), axis=0))
 
 
@@ -155,7 +156,7 @@ def differ(one, other):
 
 
 def complaints(page, context=None, without=()):
-    """What axe-core finds about names, roles, order and contrast, a line a finding."""
+    """Return what axe-core finds about names, roles, order and contrast, one line for each finding."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
     rules = {name: {"enabled": False} for name in without}
     found = (
@@ -167,7 +168,7 @@ def complaints(page, context=None, without=()):
 
 
 def not_reached(page):
-    """Controls that Tab does not come to, and those that do not show that it has come to them."""
+    """Return the controls that Tab does not reach, and those without a visible focus."""
     wanted = page.evaluate(REACHABLE)
     unseen = []
     for _ in range(len(wanted) + 5):

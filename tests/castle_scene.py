@@ -29,7 +29,7 @@ _IN_VIEW = 150
 
 
 def polygons():
-    """The model's faces, counter-clockwise seen from outside [m]."""
+    """Return the model's faces, counter-clockwise seen from outside [m]."""
     out = []
     for path in sorted((FOLDER / "chateau_parts").glob("*.cao")):
         lines = [line.split("#")[0].split("name")[0].split() for line in path.read_text().splitlines()]
@@ -42,7 +42,7 @@ def polygons():
 
 
 def castle(folder):
-    """The part, made of one plate for every face."""
+    """Return the part, made of one plate for every face."""
     vertices, triangles = [], []
     for face in polygons():
         centre = face.mean(axis=0)
@@ -81,7 +81,7 @@ def _ears(v, normal):
 
 
 def first_pose():
-    """Of the object in the depth camera, frame 0, some millimetres off."""
+    """Return the pose of the object in the depth camera at frame 0, with an error of some millimetres."""
     start = np.array((FOLDER / "chateau.0.pos").read_text().split(), dtype=float)
     M = np.array((FOLDER / "depth_M_color.txt").read_text().split(), dtype=float).reshape(4, 4)
     return M @ SE3.from_parts(SO3.exp(start[3:]), start[:3])
@@ -143,7 +143,7 @@ class Pixels:
 
     @property
     def sd(self):
-        """Noise of a pixel that is drawn: all faces count alike, as they do in a draw."""
+        """Noise of a drawn pixel: all faces count equally, as in a draw."""
         return float(np.sqrt(np.mean(np.square(list(self.sd_of_face.values())))))
 
     def choose(self, n, rng):
@@ -153,7 +153,7 @@ class Pixels:
         return rng.permutation(np.concatenate(rows))[:n]
 
     def beams(self, rows):
-        """Those pixels as readings."""
+        """Return chosen pixels as readings."""
         touches = touches_of(self.points[rows], self.sd, directions=self.directions[rows])
         return altered(touches, reach=self.ranges[rows] - 0.02, tolerance=self.tolerance)
 

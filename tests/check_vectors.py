@@ -361,7 +361,7 @@ LOCATIONS = {("matrix_to_loc", "x"), ("compose", "x"), ("inverse", "x"), ("relat
 
 
 def as_arrays(inputs: Inputs) -> Inputs:
-    """Lists of numbers as arrays; lists of records and ragged lists stay."""
+    """Return lists of numbers as arrays; lists of records and ragged lists stay."""
     out = dict(inputs)
     for key, value in inputs.items():
         if isinstance(value, list) and value and not isinstance(value[0], dict):
@@ -385,7 +385,7 @@ def error(fn: str, key: str, got: Any, wanted: Any) -> float:
 
 
 def check(vector: dict[str, Any]) -> list[str]:
-    """What is wrong with our answer to one vector, a line for each output; empty if all is right."""
+    """Return the errors of our answer to one vector, one line for each output; empty if all are right."""
     fn = vector["fn"]
     if fn not in FUNCTIONS:
         return [f"{vector['id']}: unknown function {fn!r}"]

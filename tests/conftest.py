@@ -34,7 +34,7 @@ def cache(tmp_path_factory):
 
 @pytest.fixture(scope="session", autouse=True)
 def commands():
-    """Build the tree of commands once: typer builds it anew for each call, which takes 40 ms."""
+    """Build the tree of commands once: typer rebuilds it for each call, which takes 40 ms."""
     import typer.main
 
     with pytest.MonkeyPatch.context() as patch:

@@ -22,12 +22,12 @@ def pin(x, y, low, high, radius):
 
 
 def tip(x, y, low, high, radius):
-    """What a drill leaves: a cone that widens upwards."""
+    """Return the cone that a drill leaves; it widens upwards."""
     return BRepPrimAPI_MakeCone(gp_Ax2(gp_Pnt(x, y, low), gp_Dir(0, 0, 1)), 0, radius, high - low).Shape()
 
 
 def drilled(holes=HOLES, hub=HUB, more=()):
-    """A plate from z = 0 to 12 mm with through holes and a hub of 30 mm; more shapes are cut out of it."""
+    """Return a plate from z = 0 to 12 mm with through holes and a hub of 30 mm; more shapes are subtracted."""
     body = BRepPrimAPI_MakeBox(gp_Pnt(-HALF[0], -HALF[1], 0), gp_Pnt(*HALF, THICK)).Shape()
     if hub:
         body = BRepAlgoAPI_Fuse(body, pin(*hub[:2], 0, 30, hub[2])).Shape()

@@ -1,8 +1,10 @@
-"""Scenes for the hand: a part in a fixture, something beside it, a rough idea of a feature; and what the truth is.
+"""Scenes for the hand: a part in a fixture, an obstacle beside it, a rough guess of a feature, and the truth.
 
-Used by the tests of motions and acquisition and by ``benchmarks/motions.py``. A scene is kept only if what is asked
-for can be done at all: at the true pose both sensors meet the face, and the hand is as far from everything as the
-stand-off; table and clamp leave it room to work, and there is free space around it at the start.
+The tests of motions and acquisition and ``benchmarks/motions.py`` use them. A scene is kept only if the task is
+feasible.
+At the true pose both sensors hit the face, and the hand is as far from everything as the stand-off. Table and clamp
+leave
+it clearance to work, and there is free space around it at the start.
 """
 
 from __future__ import annotations
@@ -26,14 +28,14 @@ MOST_TURNED, MOST_OFF = np.radians(60), 0.030
 ABOVE = 0.040, 0.060
 """The start is this much higher than the stand-off [m], before it is turned and displaced."""
 
-START_ROOM = 0.025
-"""Around the hand at the start, beyond half the stand-off [m]: its fingers swing so far when it looks around."""
+START_CLEARANCE = 0.025
+"""Clearance of the hand at the start, beyond half the stand-off [m]: its fingers swing so far in a scan."""
 
-WORKING_ROOM = 0.025
+WORKING_CLEARANCE = 0.025
 """To each side of the true place, for the hand over it [m]: table and clamp leave so much beyond the clearance."""
 
 SHORTEST = 0.05
-"""Edges that are asked for are this long [m]."""
+"""Length of the edges to acquire [m], at least."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def facing(hand, place, normal, along, height, near):
 
 
 def make_task(rng, kind, name, clamp=False):
-    """Draw scenes until one can be done; with a clamp beside the part that nobody knows of, or without."""
+    """Draw scenes until one is feasible, optionally with a clamp beside the part that the planner has no model of."""
     while True:
         task = _try(rng, kind, name, clamp)
         if task is not None:
@@ -108,14 +110,14 @@ def _try(rng, kind, name, clamp):
     along = np.cross(normal, rng.normal(size=3))
     start = wrong @ facing(hand, place, normal, along / np.linalg.norm(along), high, np.eye(4))
     workspace = Workspace.above(0.0)
-    free = START_ROOM + 0.5 * standoff
+    free = START_CLEARANCE + 0.5 * standoff
     if not workspace.allows(hand.body, start, free) or clearances(scene, hand.body, start[None])[0] < free:
         return None
     return Task(name, scene, start, standoff, guess(wrong), guess(np.eye(4)), workspace, turned, off)
 
 
 def _fixed(rng, part):
-    """The part in a fixture, any way up, 20 to 150 mm above the table."""
+    """Return the part in a fixture, in any stable orientation, 20 to 150 mm above the table."""
     R = SO3.exp(rng.normal(size=3) * 2)
     lowest = (part.vertices @ R.T)[:, 2].min()
     return SE3.from_parts(R, np.array([*rng.uniform(-0.05, 0.05, 2), rng.uniform(0.02, 0.15) - lowest]))
@@ -148,7 +150,7 @@ def _face(rng, part, T):
 
 
 def _on(rng, part, triangles):
-    """A point on a face, by area, towards its middle."""
+    """Return a random point on a face, uniform by area, moved towards its middle."""
     corners = part.vertices[triangles]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     a, b = np.sort(rng.random(2))
@@ -204,7 +206,7 @@ def _corner(rng, part, T):
 
 
 def _possible(rng, scene, hand, place, normal, standoff):
-    """In one direction at least both sensors meet the face near the place, with room all around the hand."""
+    """Return whether in some direction both sensors hit the face near the place, with clearance for the hand."""
     e = np.cross(normal, rng.normal(size=3))
     e /= np.linalg.norm(e)
     f = np.cross(normal, e)
@@ -220,29 +222,29 @@ def _possible(rng, scene, hand, place, normal, standoff):
         down = Workspace.above(0.0).allows(hand.body, T, 0.6 * standoff + 0.004)
         if clearances(scene, hand.body, T[None])[0] < 0.95 * standoff or not down:
             continue
-        # besides the part itself, the hand has room to work
+        # apart from the part itself, the hand has clearance to work
         beside = Scene.of([s for s in scene.solids if s.name in ("table", "clamp")])
-        shifts = WORKING_ROOM * np.stack([along, -along, across, -across])
-        around = np.repeat(T[None], 4, axis=0)
-        around[:, :3, 3] += shifts
-        if clearances(beside, hand.body, around).min() > 0.6 * standoff:
+        shifts = WORKING_CLEARANCE * np.stack([along, -along, across, -across])
+        shifted_poses = np.repeat(T[None], 4, axis=0)
+        shifted_poses[:, :3, 3] += shifts
+        if clearances(beside, hand.body, shifted_poses).min() > 0.6 * standoff:
             return True
     return False
 
 
 def roof(bend, flat=0.06, slope=0.06, half=0.07):
-    """A flat top at z = 0 for y below 0, which falls away by a bend [rad] above it; its edge is the x axis."""
+    """Return a flat top at z = 0 for y < 0 that bends down by an angle [rad] above it; its edge is the x axis."""
     c, s = slope * np.cos(bend), slope * np.sin(bend)
     return _prism("roof", [(-flat, 0.0), (0.0, 0.0), (c, -s), (c, -0.1), (-flat, -0.1)], half)
 
 
 def bevelled(width, flat=0.06, half=0.07):
-    """A flat top at z = 0 for y below 0, whose border at y = 0 is bevelled by 45 degrees on a width [m]."""
+    """Return a flat top at z = 0 for y < 0 with a bevel of 45 degrees and a given width [m] at y = 0."""
     return _prism("block", [(-flat, 0.0), (-width, 0.0), (0.0, -width), (0.0, -0.1), (-flat, -0.1)], half)
 
 
 def _prism(name, section, half):
-    """A scene of one solid: a convex section in y and z, along x."""
+    """Return a scene of one solid: a convex section in y and z, along x."""
     n = len(section)
     vertices = np.array([[x, y, z] for x in (-half, half) for y, z in section])
     ends = [t for k in range(1, n - 1) for t in ((k + 1, k, 0), (n + k, n + k + 1, n))]
@@ -251,7 +253,7 @@ def _prism(name, section, half):
 
 
 def is_meant(truth, feature):
-    """Whether a feature is the one of which the idea was: within 3 mm and 10 degrees of the true idea."""
+    """Return whether a feature is within 3 mm and 10 degrees of the one that the guess describes."""
     T = feature.T_world_feature
     away, cosine = truth.point - T[:3, 3], 1.0
     if feature.kind.name == "plane":
@@ -264,7 +266,7 @@ def is_meant(truth, feature):
 def nees(scene, feature):
     """Squared error of a feature against what stands there, in its own covariance; and the solid that it is on.
 
-    The truth is the nearest plane, edge or corner of the scene, whichever was asked for.
+    The truth is the nearest plane, edge or corner of the scene, by the kind of the feature.
     """
     rows = list(feature.kind.rows)
     P = feature_covariance(feature)[np.ix_(rows, rows)]
@@ -288,7 +290,7 @@ def _plane_error(scene, feature):
 
 @cache
 def _scene_edges(scene):
-    """Ends of the sharp edges of all solids, and the solid of each."""
+    """Return ends of the sharp edges of all solids, and the solid of each."""
     v, t = scene.surface.vertices, scene.surface.triangles
     faces = {}
     for k, tri in enumerate(t):

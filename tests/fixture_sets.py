@@ -20,7 +20,7 @@ SD, TIP = 0.3e-3, (1.5e-3, 1.5e-3, 0.3e-3)
 
 
 def fixture():
-    """The part, prepared."""
+    """Return the part, prepared."""
     return prepare(tanteo.read_part(FOLDER / "fixture.stl", unit="mm"))
 
 
@@ -52,7 +52,7 @@ def errors(target, located, name, tip):
 
 
 def mode_at(target, touches, T):
-    """The mode that a maximization from a pose leads to."""
+    """Return the mode that a maximization from a pose reaches."""
     problem = Problem(touches, FreeRays.none(), Priors(radius=target.part.radius, noise_factor=1.0))
     return posterior_about(problem, target, T[None], np.random.default_rng(0)).modes[0]
 

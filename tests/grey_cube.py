@@ -24,7 +24,7 @@ def camera():
 
 
 def cube(folder):
-    """The part, from the vertices and faces of its model [m]."""
+    """Return the part, from the vertices and faces of its model [m]."""
     lines = [line.split("#")[0].split() for line in (FOLDER / "cube.cao").read_text().splitlines()]
     lines = [line for line in lines if line][1:]
     count = int(lines[0][0])
@@ -50,12 +50,12 @@ def images():
 
 
 def load(name):
-    """One image as floats."""
+    """Return one image as floats."""
     return cv2.imread(str(FOLDER / name), cv2.IMREAD_GRAYSCALE).astype(float)
 
 
 def same_pose(part, first, second, turn=2.0, shift=0.01):
-    """Whether two poses are one but for the cube's symmetry: within ``turn`` degrees and ``shift`` of the range."""
+    """Return whether two poses are equal up to the cube's symmetry, to ``turn`` degrees and a relative ``shift``."""
     between = SE3.log(SE3.inverse(first) @ second @ part.symmetry.Ts)
     middles = SE3.apply(np.stack([first, second]), part.centroid)
     apart = np.linalg.norm(middles[0] - middles[1]) / np.linalg.norm(second[:3, 3])
@@ -63,15 +63,15 @@ def same_pose(part, first, second, turn=2.0, shift=0.01):
 
 
 def measured_corners(image, model, T_camera_cube):
-    """Visible corners of the cube, and where lines fitted to the image alone meet there [px].
+    """Return the visible corners of the cube, and where lines fitted to the image alone intersect there [px].
 
-    The pose says which edge points belong to which edge (within 4 px); the lines are free.
+    The pose assigns edge points to edges (within 4 px); the lines are free.
     """
     edges = map_edges(find_edges(image))
-    met = meet(model.frame, camera(), edges, T_camera_cube, 4.0)
+    hits = meet(model.frame, camera(), edges, T_camera_cube, 4.0)
     lines = {}
-    for group in np.unique(model.frame.groups[met.hits]):
-        points = edges.points.pixels[met.points[met.hits & (model.frame.groups == group)]]
+    for group in np.unique(model.frame.groups[hits.hits]):
+        points = edges.points.pixels[hits.points[hits.hits & (model.frame.groups == group)]]
         middle = np.median(points, axis=0)
         for _ in range(5):
             way = np.linalg.svd(points - middle)[2][0]

@@ -1,4 +1,4 @@
-"""Small samples of every log format: the same four points, whoever wrote them."""
+"""Small samples of every log format: the same four points from every program."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def fields(brand):
 
 
 def console():
-    met = "".join(f"[PRB:{x:.3f},{y:.3f},{z:.3f}:1]\nok\n" for x, y, z in P)
-    return "Grbl 1.1f ['$' for help]\n$13=0\n" + met + "ALARM:5\n[PRB:300.000,100.000,-60.000:0]\n"
+    probe_lines = "".join(f"[PRB:{x:.3f},{y:.3f},{z:.3f}:1]\nok\n" for x, y, z in P)
+    return "Grbl 1.1f ['$' for help]\n$13=0\n" + probe_lines + "ALARM:5\n[PRB:300.000,100.000,-60.000:0]\n"
 
 
 def results():

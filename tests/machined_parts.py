@@ -16,7 +16,7 @@ from tanteo.parts import read_part
 
 
 def machined(rng, more=0.0):
-    """A solid of 60 to 140 mm with one to three features; ``more`` is added to the height of the first thing on it."""
+    """Return a solid of 60 to 140 mm with one to three features; ``more`` adds to the height of the first one."""
     x, y, z = rng.uniform(60, 140), rng.uniform(40, 90), rng.uniform(10, 45)
     body, more = _body(int(rng.integers(3)), x, y, z, more, rng)
     for _ in range(int(rng.integers(1, 4))):
@@ -37,7 +37,7 @@ def machined(rng, more=0.0):
 
 
 def _body(kind, x, y, z, more, rng):
-    """A plate, an angle or a plate with its corners cut off, and what is left to be added."""
+    """Return a plate, an angle or a plate with its corners cut off, and the features to add."""
     if kind == 0:
         return box((0, 0, 0), (x, y, z)), more
     if kind == 1:

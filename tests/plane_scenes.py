@@ -10,7 +10,7 @@ REPEAT = (0.5e-3, 0.003)
 
 
 def random_hands(rng, n, plane, T_hand_beam, tilt=0.7, near=0.1, far=0.5):
-    """Hands whose beam looks at a plane (z of ``plane`` towards them) from up to ``tilt`` radians off the normal."""
+    """Return hands whose beam hits a plane (z of ``plane`` towards them) at up to ``tilt`` radians off the normal."""
     spots = SE3.apply(plane, np.concatenate([rng.uniform(-0.2, 0.2, (n, 2)), np.zeros((n, 1))], axis=1))
     turns = rng.uniform(-np.pi, np.pi, n)
     lean = rng.uniform(-1, 1, (n, 2)) * tilt / np.sqrt(2)
@@ -31,7 +31,7 @@ def ranges_to(plane, Ts):
 def simulated_log(
     rng, T_hand_beam, plane, hands, *, scale=0.0, slant=0.0, repeats=4, place=PLACE, repeat=REPEAT, name="eye", label=""
 ):
-    """Readings of one sensor on one plane, ``repeats`` at every pose."""
+    """Return readings of one sensor on one plane, ``repeats`` at every pose."""
     d, beta = ranges_to(plane, hands @ T_hand_beam)
     tan2 = np.tan(beta) ** 2
     off = np.sqrt(place[0] ** 2 + (place[1] * d) ** 2 + (place[2] * d) ** 2 * tan2) * rng.normal(size=len(d))

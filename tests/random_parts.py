@@ -16,7 +16,7 @@ def write_off(path, vertices, triangles):
 
 
 def random_part(path, rng, slanted=0.3):
-    """A workpiece of 30 to 120 mm; with probability ``slanted`` a profile with slanted faces, else right-angled."""
+    """Return a workpiece of 30 to 120 mm; with probability ``slanted`` it has slanted faces, else right angles."""
     mesh = slanted_mesh(rng) if rng.uniform() < slanted else stepped_mesh(rng)
     write_off(path, *mesh)
     return read_part(path, unit="mm")
@@ -32,7 +32,7 @@ def _breaks(rng, n, size):
 
 
 def stepped_mesh(rng):
-    """A block with steps, slots and pockets: heights on a grid of two or three cells a side."""
+    """Return a block with steps, slots and pockets: heights on a grid of two or three cells a side."""
     while True:
         nx, ny, nz = rng.integers(2, 4, size=3)
         xs, ys, zs = (
@@ -47,7 +47,7 @@ def stepped_mesh(rng):
 
 
 def _is_manifold(filled):
-    """No two cells touch along an edge only, and all hang together."""
+    """Return whether no two cells touch along an edge only, and all are connected."""
     f = filled
     for a, b, c, d in (
         (f[:-1, :-1], f[1:, 1:], f[1:, :-1], f[:-1, 1:]),
@@ -98,7 +98,7 @@ def _boundary(filled, xs, ys, zs):
 
 
 def slanted_mesh(rng):
-    """A profile with steps and slants over a flat base, as thick as chance has it."""
+    """Return a profile with steps and slants over a flat base, with a random thickness."""
     n = int(rng.integers(2, 5))
     length, height, depth = rng.uniform(50, 100), rng.uniform(20, 60), rng.uniform(15, 60)
     xs = _breaks(rng, n, length)

@@ -19,7 +19,7 @@ TIMES = np.arange(0, 2.01, 0.1)
 
 
 def hand(t: float) -> np.ndarray:
-    """At a steady speed, so that what is between two samples is exact."""
+    """Return the pose of a hand at a constant speed, so that interpolation is exact."""
     first = SE3.from_parts(SO3.axis_rotation(2, 0.3), np.array([0.1, 0.0, 0.4]))
     return first @ SE3.exp(t * np.array([0.05, 0.02, -0.01, 0.1, 0.2, 0.3]))
 
@@ -75,7 +75,7 @@ class Recording:
         self.add("/hand", "geometry_msgs/msg/PoseStamped", t, self.header(t, "base"), pose)
 
     def moving(self) -> Recording:
-        """With the frames of a hand that moves."""
+        """Return a recording with the frames of a moving hand."""
         for t in TIMES:
             self.transform("/tf", t, "base", "hand", hand(t))
         self.transform("/tf_static", 0.0, "hand", "sensor", T_HAND_SENSOR)

@@ -1,4 +1,4 @@
-"""Cameras over tables, and things in the way, for rendered scenes (``tanteo.vision.rendering``)."""
+"""Cameras over tables, and obstacles, for rendered scenes (``tanteo.vision.rendering``)."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from tanteo.geometry import SE3, SO3
 from tanteo.vision import Camera, RenderedObject
 
 
-def slab_thing(outline, height, T_world_slab, paint):
-    """A slab over an outline that its middle sees whole, counter-clockwise ``(n, 2)``."""
+def rendered_slab(outline, height, T_world_slab, paint):
+    """Return a slab over a star-shaped outline, counter-clockwise ``(n, 2)``."""
     n = len(outline)
     flat = np.concatenate([outline, outline.mean(axis=0, keepdims=True)])
     vertices = np.concatenate([np.insert(flat, 2, z, axis=1) for z in (0.0, height)])
@@ -25,7 +25,7 @@ def slab_thing(outline, height, T_world_slab, paint):
 def table_camera(
     distance=0.6, tilt=25.0, turn=30.0, size=(640, 480), focal=620.0, distortion=(-0.12, 0.05, 4e-4, -3e-4, 0.0)
 ):
-    """A camera over the table, looking at its origin from ``tilt`` degrees off the vertical."""
+    """Return a camera over the table, directed at its origin from ``tilt`` degrees off the vertical."""
     K = np.array([[focal, 0, size[0] / 2 - 3.2], [0, focal * 1.003, size[1] / 2 + 2.1], [0, 0, 1]])
     R = SO3.exp(np.radians([0, 0, turn])) @ SO3.exp(np.radians([180.0 - tilt, 0.0, 0.0]))
     return Camera(K, size, np.array(distortion), SE3.from_parts(R, -distance * R[:, 2]))

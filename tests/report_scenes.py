@@ -20,8 +20,8 @@ ROUGH = np.diag(np.repeat([3e-3, 0.05], 3) ** 2)
 TOUCH = Probe("touch", NoiseLaw.of(SD), contact=True, standoff=0.03)
 
 
-def told(*parts):
-    """A session that was told touches of the first part face by face, one beam that met nothing, and nothing asked."""
+def touched_session(*parts):
+    """Return a session with touches of the first part face by face and one beam that hit nothing, no plan."""
     targets = [prepare(part) for part in parts]
     session = Session(
         at_place(targets, TRUTH @ SE3.from_parts(np.eye(3), parts[0].centroid), ROUGH), TOUCH, Sensing(sd=SD)
@@ -47,7 +47,7 @@ def off_text(vertices, polygons):
 
 
 def prism_text(corners, height):
-    """A right prism over a convex polygon given counter-clockwise."""
+    """Return a right prism over a convex polygon given counter-clockwise."""
     n = len(corners)
     vertices = [(x, y, z) for z in (0, height) for x, y in corners]
     sides = [(i, (i + 1) % n, n + (i + 1) % n, n + i) for i in range(n)]
@@ -77,7 +77,7 @@ def touches(part, rng, n=5, *, planes=None, wrong=(), **columns):
 
 
 def ball(part, subdivisions):
-    """The part with the mesh of a ball of 20 mm, one face of each half."""
+    """Return the part with the mesh of a ball of 20 mm, one face of each half."""
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.02)
     return replace(
         part, vertices=mesh.vertices, triangles=mesh.faces, triangle_face=(mesh.face_normals[:, 2] > 0).astype(int),

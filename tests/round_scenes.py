@@ -28,9 +28,9 @@ def round_points(kind, arc, n):
         normal = e * np.cos(HALF_ANGLE) - np.array([0, 0, np.sin(HALF_ANGLE)])
         return z[:, None] * (np.tan(HALF_ANGLE) * e + np.array([0, 0, 1.0])), normal
     lowest = np.cos(np.radians(min(arc, 300.0)) / 2)  # a cap that is so wide; whole balls rest on something
-    c, around = 1 - (1 - lowest) * (k + 0.5) / n, 2.399963 * k
+    c, angle = 1 - (1 - lowest) * (k + 0.5) / n, 2.399963 * k
     s = np.sqrt(1 - c * c)
-    N = np.c_[s * np.cos(around), s * np.sin(around), c]
+    N = np.c_[s * np.cos(angle), s * np.sin(angle), c]
     return RADIUS * N, N
 
 
@@ -62,7 +62,7 @@ def nees(error, covariance):
 
 
 def whole_covariance(feature):
-    """Of frame and size, what the feature shares with others included."""
+    """Return the covariance of frame and size, shared errors included."""
     gains = [np.vstack([term.jacobian, row]) for term, row in zip(feature.shared, feature.size.shared, strict=True)]
     shared = (A @ term.error.covariance @ A.T for A, term in zip(gains, feature.shared, strict=True))
     return sum(shared, feature.full_covariance)
@@ -92,7 +92,7 @@ def related_scene():
 
 
 def perturbed(name, kind, T, L, rng):
-    """A feature whose true frame is ``T``, off by a draw of covariance ``L L'``."""
+    """Return a feature whose true frame is ``T``, with an error drawn from the covariance ``L L'``."""
     kind = KINDS[kind]
     return Feature(kind, T @ SE3.exp(-kind.B.T @ L @ rng.normal(size=kind.size)), L @ L.T, label=name)
 

@@ -24,7 +24,7 @@ def points_on_plane(part, plane, n, rng):
 
 
 def plane_feature(points, normal, sd, rng, label=""):
-    """A sensed plane from exact world points: covariance of the fit, frame perturbed by a draw from it."""
+    """Return a plane with the fit covariance of world points; the frame has an error drawn from it."""
     centre = points.mean(axis=0)
     R = SO3.frame_from_axis(normal, 2)
     local = (points - centre) @ R
@@ -38,7 +38,7 @@ def plane_feature(points, normal, sd, rng, label=""):
 def sensed_planes(part, T_world_part, planes, sd, rng, n_points=5):
     out = []
     for k, plane in enumerate(planes):
-        while True:  # nobody calls three points in a row a plane
+        while True:  # three collinear points are no plane
             points = SE3.apply(T_world_part, points_on_plane(part, plane, n_points, rng))
             if np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] > 8 * sd:
                 break
@@ -69,13 +69,13 @@ def random_planes(part, n, rng, least_gyration=1e-3):
 
 
 def surface_point(part, rng):
-    """A point of the planar surface, even by area, and the face it is on."""
+    """Return a point of the planar surface, uniform by area, and its face."""
     plane = rng.choice(len(part.planes), p=part.planes.areas / part.planes.areas.sum())
     return points_on_plane(part, plane, 1, rng)[0], plane
 
 
 def touch(point, normal, rng, label="", sd=2e-4, tilt=5e-3):
-    """A point with its sensed normal, as a plane that small."""
+    """Return a point with its sensed normal, as a small plane."""
     P = np.diag([sd**2, tilt**2, tilt**2])
     T = SE3.from_parts(SO3.frame_from_axis(normal, 2), point)
     T = T @ SE3.exp(PLANE.B.T @ (np.sqrt(np.diag(P)) * rng.normal(size=3)))
@@ -98,7 +98,7 @@ def surface_planes(part, T_world_part, n, rng, sd=2e-4):
 
 
 def clutter_touch(radius, rng, label="", **sds):
-    """A touch of anything in a ball about the world's origin: direction, offset and place as ``Priors`` states them."""
+    """Return a clutter plane in a ball about the world's origin: direction, offset and place as in ``Priors``."""
     normal = rng.normal(size=3)
     R = SO3.frame_from_axis(normal / np.linalg.norm(normal), 2)
     place, turn = radius * np.sqrt(rng.uniform()), rng.uniform(0, 2 * np.pi)

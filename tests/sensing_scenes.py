@@ -40,7 +40,7 @@ PLACE_SD = 0.015, 0.15
 
 
 def rough(targets, sd=PLACE_SD, priors=None):
-    """The parts about the world's origin, and noise that is as stated."""
+    """Return the parts about the world's origin, with noise as stated."""
     priors = Priors(noise_factor=1.0) if priors is None else priors
     return at_place(targets, np.eye(4), np.diag(np.repeat(sd, 3)) ** 2, priors)
 
@@ -53,41 +53,41 @@ def log_densities(points, part, priors, Ts, zs=None, *, rays=None, mixtures=None
 
 
 def log_marginals(points, part, priors, Ts, *, rays):
-    """The same at poses, the shared errors integrated out."""
+    """Return the log likelihoods at poses, integrated over the shared errors."""
     problem = Problem(points, rays, priors)
     Ts, zs = np.ascontiguousarray(Ts), np.zeros((len(Ts), problem.states))
     return _core.marginals(part.shape, problem.compiled(part), Ts, zs)[0]
 
 
 def log_variants(points, part, priors, Ts, zs=None):
-    """The same of an object that is like the part but for some of it, at poses and shared errors."""
+    """Return the log likelihoods of a near variant of the part at poses and shared errors."""
     objective = start_search(Problem(points, FreeRays.none(), priors), part, np.random.default_rng(0)).objective
     zs = np.zeros((len(Ts), objective.problem.states)) if zs is None else zs
     return log_density_of_near_variant(details_at(objective, Ts, zs), part.part, priors.outlier_rate)
 
 
 def without_modes(start, points, rays):
-    """The belief of readings that no part explains."""
+    """Return the posterior of readings that no part explains."""
     posterior = Posterior(Problem(points, rays, start.priors), (), 1.0, 0.0, 0.0, (), np.zeros(0), 0.0)
     return SensingState(start, posterior, 1.0)
 
 
 def drawn_truth(start, rng, part=None):
-    """A part and a pose from what the start assumes."""
+    """Return a part and a pose from what the start assumes."""
     k = int(rng.integers(len(start))) if part is None else int(np.flatnonzero(start.part == part)[0])
     xi = np.linalg.cholesky(start.covariances[k]) @ rng.normal(size=6)
     return int(start.part[k]), start.Ts[k] @ SE3.exp(xi)
 
 
 def true_range(target, T, action):
-    """How far the part is along the action's beam [m]; infinite if it is not met."""
+    """Return the distance of the part along the action's beam [m]; infinite without a hit."""
     to_part = SE3.inverse(T)
     origin, along = SE3.apply(to_part, action.origin), to_part[:3, :3] @ action.direction
     return float(target.surface.cast(origin[None], along[None]).distances[0])
 
 
 def where_a_ball_stops(target, T, action, radius):
-    """How far the centre of a ball gets along the action's way before the ball touches the part [m]."""
+    """Return the distance that a ball's centre moves along the action's path before it touches the part [m]."""
     to_part, t = SE3.inverse(T), 0.0
     for _ in range(1000):
         centre = SE3.apply(to_part, action.origin + t * action.direction)
@@ -98,8 +98,8 @@ def where_a_ball_stops(target, T, action, radius):
     return t if t <= action.max_range else np.inf
 
 
-def met_by_beams(target, Ts, origins, directions):
-    """What beams meet on a part at poses, by its surface: ranges, cosines, faces ``(C, S)``, derivatives ``(C, S, 6)``.
+def beam_hits(target, Ts, origins, directions):
+    """Return the hits of beams on a part at poses: ranges, cosines, faces ``(C, S)``, derivatives ``(C, S, 6)``.
 
     A miss is infinite, 0, -1 and 0. The derivatives are those to a face that is a plane where the beam meets it.
     """
@@ -107,17 +107,17 @@ def met_by_beams(target, Ts, origins, directions):
     starts = np.einsum("sij,csj->csi", R, origins[:, None] - Ts[None, :, :3, 3])
     along = np.einsum("sij,cj->csi", R, directions)
     hits = target.surface.cast(starts, along)
-    met, reached = np.isfinite(hits.distances), np.where(np.isfinite(hits.distances), hits.distances, 0.0)
-    n = np.where(met[..., None], target.surface.normals[hits.triangles], 0.0)
+    hit, reached = np.isfinite(hits.distances), np.where(np.isfinite(hits.distances), hits.distances, 0.0)
+    n = np.where(hit[..., None], target.surface.normals[hits.triangles], 0.0)
     cosine = np.einsum("csi,csi->cs", n, along)
     moved = np.concatenate([n, np.cross(starts + reached[..., None] * along, n)], axis=-1)
-    faces = np.where(met, target.part.triangle_face[hits.triangles], -1)
-    return hits.distances, np.abs(cosine), faces, moved / np.where(met, cosine, 1.0)[..., None]
+    faces = np.where(hit, target.part.triangle_face[hits.triangles], -1)
+    return hits.distances, np.abs(cosine), faces, moved / np.where(hit, cosine, 1.0)[..., None]
 
 
 def as_rows(target, origins, directions, probe):
-    """How readings move with a part at the world's origin ``(N, 6)``, and the variances of what is new ``(N,)``."""
-    ranges, cosines, _, g = met_by_beams(target, np.eye(4)[None], origins, directions)
+    """Return how readings change with a part's pose at the origin ``(N, 6)``, and variances of new ones ``(N,)``."""
+    ranges, cosines, _, g = beam_hits(target, np.eye(4)[None], origins, directions)
     return g[:, 0], probe.own_variance(ranges, cosines)[:, 0]
 
 
@@ -127,13 +127,13 @@ def of_plan(found):
 
 
 def located(target, sd):
-    """A covariance of the pose with about that standard deviation at the corners of the part's box ``(6, 6)``."""
+    """Return a pose covariance with a given standard deviation at the corners of the part's box ``(6, 6)``."""
     J = corner_moves(target.part)
     return sd**2 / 2 * np.linalg.inv(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
 
 
 def sense(session, target, T, rng, sd=None, each=None):
-    """Ask and tell until the session ends; calls ``each`` after every reading."""
+    """Run plans and updates until the session ends, and call ``each`` after every reading."""
     sd = float(session.probe.law.const) if sd is None else sd
     while isinstance(action := session.ask(), Action):
         distance = true_range(target, T, action)
@@ -146,7 +146,7 @@ def sense(session, target, T, rng, sd=None, each=None):
 
 
 def new_session(start, probe=LASER, policy="information", seed=0, **stop):
-    """A session whose sensor has the noise of its probe."""
+    """Return a session whose sensor has the noise of its probe."""
     sensing = Sensing(sd=float(probe.law.const))
     return Session(start, probe, sensing, policy_named(policy), Stop(**stop), seed)
 
@@ -160,7 +160,7 @@ def off(session, part, T):
 
 
 def with_radius(probe, clearance):
-    """The same probe, thicker."""
+    """Return the same probe with a radius."""
     return replace(probe, clearance=clearance)
 
 
@@ -174,8 +174,8 @@ def valid(session):
     assert not len(b.covariances) or np.linalg.eigvalsh(b.covariances).min() > 0
 
 
-def tell_anything(session, target, T, rng, steps):
-    """Readings as asked, wrong, free, of nothing like the part, repeated, late, not finite: the belief stays valid."""
+def give_any_readings(session, target, T, rng, steps):
+    """Give valid and invalid readings: planned, wrong, free, repeated, late, not finite; check the posterior."""
     late = []
     for _ in range(steps):
         action = session.ask()
@@ -205,7 +205,7 @@ def tell_anything(session, target, T, rng, steps):
 
 
 def refuse_nan(session, action, rng):
-    """What is not finite is refused, and changes nothing."""
+    """Check that values that are not finite are refused and change nothing."""
     before = session.state
     with pytest.raises(InputError):
         action.read(np.nan)

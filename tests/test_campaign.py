@@ -19,18 +19,18 @@ def test_options_are_taken_out():
 
 
 def test_a_campaign_goes_on_where_it_stopped(tmp_path):
-    asked, keep = [], tmp_path / "rows.jsonl"
+    calls, keep = [], tmp_path / "rows.jsonl"
 
     def run(name, k):
-        asked.append((name, k))
+        calls.append((name, k))
         return {"half": np.float64(k / 2), "list": np.arange(k)}
 
     cases = [("a", 1), ("b", 2)]
     run_cases(run, cases, keep)
     rows = run_cases(run, [("a", 0), *cases], keep)
-    assert asked == [("a", 1), ("b", 2), ("a", 0)]
+    assert calls == [("a", 1), ("b", 2), ("a", 0)]
     assert [row["half"] for row in rows] == [0, 0.5, 1]
-    assert rows[2]["list"] == [0, 1]  # as it was kept
+    assert rows[2]["list"] == [0, 1]  # unchanged
 
 
 def test_a_row_that_cannot_be_kept_is_refused(tmp_path):
@@ -38,7 +38,7 @@ def test_a_row_that_cannot_be_kept_is_refused(tmp_path):
         run_cases(lambda k: {"x": object()}, [(1,)], tmp_path / "rows.jsonl")
 
 
-def test_rows_of_other_sources_are_told(tmp_path, capsys):
+def test_rows_of_other_sources_are_reported(tmp_path, capsys):
     keep = tmp_path / "rows.jsonl"
     keep.write_text(json.dumps({"case": [1], "revision": "another", "row": 5}) + "\n")
     assert run_cases(lambda k: 6, [(1,)], keep) == [5]

@@ -1,4 +1,4 @@
-"""Colours that can be read and told from each other, also by those who see fewer of them."""
+"""Colours that can be read and distinguished, also with colour-deficient vision."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_words_can_be_read(theme, paper):
 
 
 def apart(one, other, eyes):
-    """How different two colours are for such eyes (CIE 1976; 2 is just seen)."""
+    """Return the difference of two colours for such eyes (CIE 1976; 2 is just noticeable)."""
     seen = [lab(np.clip(SEEN[eyes] @ linear(hue), 0, 1)) for hue in (one, other)]
     return np.linalg.norm(seen[0] - seen[1])
 
@@ -72,7 +72,7 @@ PALETTES = {
 
 @pytest.mark.parametrize("eyes", SEEN)
 @pytest.mark.parametrize("palette", PALETTES)
-def test_marks_can_be_told_apart(palette, eyes):
+def test_marks_can_be_distinguished(palette, eyes):
     for one, other in itertools.combinations(PALETTES[palette], 2):
         assert apart(PALETTES[palette][one], PALETTES[palette][other], eyes) > 15, (one, other)
 

@@ -21,7 +21,7 @@ from tanteo.geometry import SE3
 from tanteo.posterior import identify_features, identify_points, prepare
 from tanteo.sensors import measure
 from tanteo.vision import prepare_vision, see_table
-from vision_scenes import random_shot, told_table
+from vision_scenes import random_shot, stated_table
 
 SD, SCENES = 3e-4, 24
 TOUCH, LASER = Sensing("touch", SD, False, ()), Sensing("laser", SD, True, ())
@@ -97,11 +97,11 @@ def sensed_planes(target, rng):
 
 
 def images(target, rng):
-    """A table as it is told, with errors as they are stated, too."""
+    """Return a table with errors drawn from the stated ones."""
     pytest.importorskip("cv2", reason="the extra tanteo[vision] is not installed")
     model = prepare_vision(target.part)
     shot = random_shot([model], rng)
-    (seen,) = see_table(shot.image, shot.camera, [model], T_world_table=told_table(shot, target.part, rng)).objects
+    (seen,) = see_table(shot.image, shot.camera, [model], T_world_table=stated_table(shot, target.part, rng)).objects
     return shot.T_world_part, seen.answer
 
 
@@ -119,7 +119,7 @@ def test_the_region_holds_the_truth(target, kind, scenes):
         if answer.status == "recognized":
             values.append(nees(target.part, answer.pose, answer.covariance, T)[0])
     assert len(values) >= 0.8 * scenes
-    held = int(np.sum(np.array(values) <= chi2.ppf(0.95, 6)))
-    assert held >= binom.ppf(1e-3, len(values), 0.95)
+    contained = int(np.sum(np.array(values) <= chi2.ppf(0.95, 6)))
+    assert contained >= binom.ppf(1e-3, len(values), 0.95)
     low, high = chi2.ppf([5e-4, 1 - 5e-4], 6 * len(values))
     assert low <= np.sum(values) <= high

@@ -28,12 +28,12 @@ def name(page):
 
 
 def prose(page):
-    """The text without blocks of code."""
+    """Return the text without blocks of code."""
     return re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
 
 
 def anchors(page):
-    """The anchors of a page's headings, as they are made on code hosts."""
+    """Return the anchors of a page's headings, made as on code hosts."""
     headings = re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
@@ -80,11 +80,11 @@ def test_the_index_has_every_page():
     assert set((ROOT / "docs" / "notebooks").glob("[0-9]*.py")) <= linked
 
 
-def test_the_code_map_has_every_room():
+def test_the_code_map_has_every_package():
     text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 200
-    for room in pkgutil.iter_modules(tanteo.__path__):
-        assert f"`{room.name}{'/' if room.ispkg else '.py'}`" in text, room.name
+    for package in pkgutil.iter_modules(tanteo.__path__):
+        assert f"`{package.name}{'/' if package.ispkg else '.py'}`" in text, package.name
 
 
 @pytest.mark.parametrize("page", DECISIONS, ids=name)

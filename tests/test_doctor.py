@@ -1,4 +1,4 @@
-"""The doctor: it knows all extras, its self-test can fail, and a broken installation is said, not raised."""
+"""The doctor: it lists all extras, its self-test can fail, and a broken installation is a message, no exception."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def run(capsys, *args):
     return ended.value.code or 0, capsys.readouterr().out
 
 
-def test_it_knows_every_dependency_and_every_extra_of_project():
+def test_it_lists_every_dependency_and_extra_of_the_project():
     needed = {re.match(r"[\w-]+", line)[0] for line in PROJECT["dependencies"]}
     assert set(doctor.NEEDED) == needed
     assert set(doctor.EXTRAS) == set(PROJECT["optional-dependencies"]) - FOR_DEVELOPERS
@@ -86,7 +86,7 @@ def test_another_status_fails(monkeypatch):
     assert "got unknown: " in found.words
 
 
-def test_an_error_on_the_way_is_told(monkeypatch):
+def test_an_error_during_the_check_is_reported(monkeypatch):
     def broken(*args, **kwargs):
         raise PartError("wedge.off: expected a part.")
 
@@ -110,7 +110,7 @@ def test_a_folder_that_cannot_be_written_is_named(monkeypatch, capsys):
     assert "cannot be written" in run(capsys)[1]
 
 
-def test_a_missing_dependency_is_said_not_raised():
+def test_a_missing_dependency_is_reported_not_raised():
     """In a process where libigl is not to be had."""
     code = (
         "import sys; from importlib import metadata; real = metadata.version\n"

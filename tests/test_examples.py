@@ -1,4 +1,4 @@
-"""Every example runs without a warning and says what it promises; the readings are those of the script."""
+"""Every example runs without a warning and prints its expected output; the readings are those of the script."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NUMBERED = sorted(EXAMPLES.glob("[0-9]*.py"))
 LONG = ("08_bare_touches", "09_from_an_image", "12_a_session")
 """Their commands run in other tests as well."""
 
-SAYS = {
+PRINTS = {
     "01_which_part": ["step_not_felt: ambiguous", "unknown_part: unknown", "too_few: insufficient", "sliding along"],
     "02_where_is_it": ["T_world_part", "ROS pose", "GTSAM sd", "excluded readings: 20"],
     "03_two_features": ["plane_angle", "upright 12 mm thick", "possible", "rejected"],
@@ -69,12 +69,12 @@ def test_an_example_runs_and_is_a_page(run, script):
     assert f"python examples/{script.name}" in page
     done = run(script)
     assert not done.err
-    for words in SAYS[script.stem]:
+    for words in PRINTS[script.stem]:
         assert words in done.out
 
 
-def test_every_example_is_expected_to_say_something():
-    assert sorted(SAYS) == [script.stem for script in NUMBERED]
+def test_every_example_has_an_expected_output():
+    assert sorted(PRINTS) == [script.stem for script in NUMBERED]
 
 
 def test_the_readings_are_those_of_the_script(run, tmp_path):

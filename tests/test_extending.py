@@ -234,7 +234,7 @@ def page_blocks():
 
 @pytest.fixture
 def install(tmp_path, monkeypatch):
-    """Put distributions on the path of this process; what was loaded of them is forgotten after the test."""
+    """Put distributions on the path of this process; the test forgets the loaded modules at its end."""
     for registry in (*ALL, PROPOSERS):
         monkeypatch.setattr(registry, "_loaded", {})
     monkeypatch.setattr(plugins, "_WARNED", set())
@@ -287,7 +287,7 @@ def here(acme, capsys):
 
 
 def wedge():
-    """A prism without symmetry [mm]."""
+    """Return a prism without symmetry [mm]."""
     outline, height = [(0, 0), (60, 0), (45, 40), (0, 40)], 30
     vertices = np.array([(x, y, z) for z in (0, height) for x, y in outline], float)
     faces = [(0, 3, 2, 1), (4, 5, 6, 7), *((i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i) for i in range(4))]
@@ -435,7 +435,7 @@ def test_a_machine_of_ones_own_places_a_part(here, touched, tmp_path):
         parse_machine("millbox:/dev/ttyUSB0")
 
 
-def test_a_machine_of_ones_own_is_held_by_the_limits(acme):
+def test_a_custom_machine_respects_the_limits(acme):
     there = World(Surface(*wedge_in_metres()), np.eye(4), 1e-3)
     with opened(parse_machine("fake:millbox"), there, np.array([0.02, 0.02, 0.1])) as driver:
         safe = SafeMachine(driver, MachineLimits(Workspace(np.zeros(3), np.full(3, 0.2)), 1e-3))
@@ -474,7 +474,7 @@ BROKEN = "import nothing_of_this_name\n"
 
 
 def touched_wedge():
-    """A wedge and contact points on it."""
+    """Return a wedge and contact points on it."""
     part = tanteo.part_from_mesh(*wedge(), unit="mm")
     p, _ = surface_points(Surface(part.vertices, part.triangles), 16, np.random.default_rng(3))
     return part, touches_of(p, 1e-4)
@@ -517,10 +517,10 @@ def test_a_proposer_that_fails_is_named(install, body, got, request):
 
 
 def test_an_import_error_is_named_where_the_plug_in_is_used(install, tmp_path):
-    points = {group: {f"bad{k}": "broken_one:THING"} for k, group in enumerate(POINTS)}
+    points = {group: {f"bad{k}": "broken_one:ITEM"} for k, group in enumerate(POINTS)}
     install({"broken_one": BROKEN}, points, "broken-kit")
-    said = (
-        r"^broken-kit 1\.0, entry point 'bad{k} = broken_one:THING' of {group}: expected a plug-in that can be "
+    text = (
+        r"^broken-kit 1\.0, entry point 'bad{k} = broken_one:ITEM' of {group}: expected a plug-in that can be "
         r"imported, got ModuleNotFoundError: No module named 'nothing_of_this_name'\. Repair or uninstall it\.$"
     )
     (tmp_path / "a.bad0").write_text("x")
@@ -533,16 +533,16 @@ def test_an_import_error_is_named_where_the_plug_in_is_used(install, tmp_path):
     }
     for k, group in enumerate(POINTS):
         for _ in range(2):  # the second time, too
-            with pytest.raises(PluginError, match=said.format(k=k, group=re.escape(group))):
+            with pytest.raises(PluginError, match=text.format(k=k, group=re.escape(group))):
                 calls[k]()
     assert tanteo.read_parts(tmp_path / "a.bad0").failures[0].reason.startswith("broken-kit 1.0, entry point")
 
 
 def test_the_rest_works_beside_a_broken_plug_in(install, tmp_path):
-    points = {group: {"zzz": "broken_two:THING"} for group in POINTS}
+    points = {group: {"zzz": "broken_two:ITEM"} for group in POINTS}
     folder = install({"broken_two": BROKEN}, points, "broken-kit-2")
     np.savetxt(tmp_path / "points.xyz", np.random.default_rng(0).random((9, 3)))
-    with pytest.warns(PluginWarning, match=r"broken-kit-2 1\.0, entry point 'zzz = broken_two:THING'") as warned:
+    with pytest.warns(PluginWarning, match=r"broken-kit-2 1\.0, entry point 'zzz = broken_two:ITEM'") as warned:
         assert len(tanteo.read_readings(tmp_path / "points.xyz", units="mm")) == 9
     assert len(warned) == 1
     assert parse_machine("grbl://h").kind == "grbl"
@@ -568,21 +568,21 @@ def off(vertices, triangles):
 @pytest.mark.parametrize(
     ("text", "got"),
     [
-        ("THING = 5\n", "got one of type int"),
+        ("ITEM = 5\n", "got one of type int"),
         ("raise SystemExit('stop')\n", "got SystemExit: stop"),
-        ("", "got AttributeError: module 'wrong_{k}' has no attribute 'THING'"),
-        ("THING = 1/0\n", "got ZeroDivisionError: division by zero"),
+        ("", "got AttributeError: module 'wrong_{k}' has no attribute 'ITEM'"),
+        ("ITEM = 1/0\n", "got ZeroDivisionError: division by zero"),
         ("def (\n", "got SyntaxError"),
     ],
 )
 def test_what_is_no_entry_is_refused(install, text, got, request):
     k = request.node.callspec.id.encode().hex()[:40]
-    points = {group: {"odd": f"wrong_{k}:THING"} for group in POINTS}
+    points = {group: {"odd": f"wrong_{k}:ITEM"} for group in POINTS}
     install({f"wrong_{k}": text}, points, "wrong-kit")
     for registry in ALL:
         with pytest.raises(PluginError, match=re.escape(got.format(k=k))) as raised:
             registry.find("odd")
-        assert str(raised.value).startswith(f"wrong-kit 1.0, entry point 'odd = wrong_{k}:THING' of {registry.group}")
+        assert str(raised.value).startswith(f"wrong-kit 1.0, entry point 'odd = wrong_{k}:ITEM' of {registry.group}")
 
 
 def test_a_name_that_is_built_in_stays_built_in(install, tmp_path):
@@ -634,7 +634,7 @@ def fail(*args, **more):
 
 READER = CadReader("x", fail)
 SHAPE = CadReader("x", lambda path: CadMesh(np.zeros((3, 2)), [[0, 1, 2]], "mm"))
-THING = CadReader("x", lambda path: 5)
+ITEM = CadReader("x", lambda path: 5)
 RECOGNISE = LogFormat("recognise", "x", fail, fail)
 READ = LogFormat("read", "x", lambda c: False, fail)
 NOLOG = LogFormat("nolog", "x", lambda c: False, lambda c: None)
@@ -656,7 +656,7 @@ def nofactor(path):
 
 def test_what_fails_later_is_named_too(install, tmp_path):
     points = {
-        "tanteo.cad_readers": {"keyed": "failing:READER", "shape": "failing:SHAPE", "thing": "failing:THING"},
+        "tanteo.cad_readers": {"keyed": "failing:READER", "shape": "failing:SHAPE", "thing": "failing:ITEM"},
         "tanteo.log_formats": {k: f"failing:{k.upper()}" for k in ("recognise", "read", "nolog", "ragged")},
         "tanteo.factors": {"fail": "failing:fail", "factor": "failing:factor", "nofactor": "failing:nofactor"},
         "tanteo.programs": {"lang": "failing:LANGUAGE", "notext": "failing:NOTEXT"},
@@ -695,8 +695,8 @@ def test_what_fails_later_is_named_too(install, tmp_path):
         write_program("lang", job)
     with pytest.raises(PluginError, match="expected a program as text, got bytes"):
         write_program("notext", job)
-    for text, said in (("machine://h", inner), ("nodriver://h", "expected a Machine with all its methods, got object")):
-        with pytest.raises(PluginError, match=said), opened(parse_machine(text)):
+    for url, text in (("machine://h", inner), ("nodriver://h", "expected a Machine with all its methods, got object")):
+        with pytest.raises(PluginError, match=text), opened(parse_machine(url)):
             pass
     there = World(Surface(*wedge_in_metres()), np.eye(4), 1e-3)
     with pytest.raises(PluginError, match=inner), opened(parse_machine("fake:machine"), there, np.zeros(3)):
@@ -710,7 +710,7 @@ def test_what_fails_later_is_named_too(install, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("word", "said"),
+    ("word", "text"),
     [
         ("level", "as NAME=FILE"),
         ("level=", "as NAME=FILE"),
@@ -718,16 +718,16 @@ def test_what_fails_later_is_named_too(install, tmp_path):
         ("levle={file}", "Did you mean 'level'?"),
     ],
 )
-def test_factors_that_cannot_be_meant_are_refused(here, touched, word, said):
+def test_factors_that_cannot_be_meant_are_refused(here, touched, word, text):
     folder, _ = touched
     words = ["identify", folder / "touches.arm", "--parts", folder / "wedge.tri", "--sd", "0.1mm", "--radius", "0mm"]
     found = here(*words, "--factor", word.format(file=folder / "level.txt"))
     assert found.returncode in (1, 2)
-    assert said in found.stderr
+    assert text in found.stderr
     assert "Traceback" not in found.stderr
 
 
-def test_without_plug_ins_a_factor_says_what_is_missing(tmp_path):
+def test_without_plug_ins_a_factor_names_what_is_missing(tmp_path):
     (tmp_path / "level.txt").write_text("0 0 1 0.1")
     with pytest.raises(InputError, match="expected a plug-in that reads factors to be installed, got 'level'"):
         read_factor("level", tmp_path / "level.txt")

@@ -24,7 +24,7 @@ OFFSETS = [10.0, 55.0]
 
 
 def moved_file(part: Part, away: float, folder: Path) -> tuple[Part, np.ndarray]:
-    """The same part, its name too, read from a file whose origin lies elsewhere, and the old origin in its frame."""
+    """Return the same part from a file with another origin, and the old origin in its frame."""
     by, file = away * np.array([3.0, -2.0, 1.0]) / np.sqrt(14), folder / f"{part.name}.off"
     rows = [f"{x:.12f} {y:.12f} {z:.12f}" for x, y, z in part.vertices + by]
     rows += [f"3 {a} {b} {c}" for a, b, c in part.triangles]
@@ -33,7 +33,7 @@ def moved_file(part: Part, away: float, folder: Path) -> tuple[Part, np.ndarray]
 
 
 def same(near, far, T_far_near):
-    """Whether two answers are one, but for the frame of the part."""
+    """Return whether two answers are equal, except for the frame of the part."""
     assert far.status == near.status
     kept = ([h for h in answer.hypotheses if h.probability > 1e-3] for answer in (near, far))
     for a, b in zip(*kept, strict=True):
@@ -43,7 +43,7 @@ def same(near, far, T_far_near):
         assert np.linalg.norm(J @ off) < 0.2  # standard deviations, of means of samples
         unit = J @ (to_near @ b.covariance @ to_near.T) @ J.T
         if not a.unobserved:
-            np.testing.assert_allclose(unit, np.eye(6), atol=0.15)  # some hundred samples tell it, to a twelfth
+            np.testing.assert_allclose(unit, np.eye(6), atol=0.15)  # some hundred samples give it, to a twelfth
         assert b.corner_sd == pytest.approx(a.corner_sd, rel=0.1)
         assert b.probability == pytest.approx(a.probability, abs=0.05)
         assert [w.split(" through")[0] for w in b.unobserved] == [w.split(" through")[0] for w in a.unobserved]
@@ -96,12 +96,12 @@ def test_the_spin_of_a_round_part_stays_no_error(tmp_path):
     T = box_centred_pose(rng)
     points, _ = surface_points(Surface(pin.vertices, pin.triangles), 20, rng)
     readings = Readings.from_columns(SE3.apply(T, points) + SD * rng.normal(size=(20, 3)), sds=np.full(20, SD))
-    exactly = Priors(noise_factor=1.0)  # else samples tell the tails, to a tenth
+    exactly = Priors(noise_factor=1.0)  # otherwise samples give the tails, to a tenth
     a, b = (identify(readings, [part], priors=exactly).hypotheses[0] for part in (pin, far))
     assert a.unobserved == b.unobserved == ()
     assert b.corner_sd == pytest.approx(a.corner_sd, rel=0.1)
     assert a.corner_sd < 5 * SD
-    for h in (a, b):  # a uniform turn, whatever the frame
+    for h in (a, b):  # a uniform rotation, for any frame
         assert np.sqrt(np.trace(h.covariance[3:, 3:])) == pytest.approx(2 * np.pi / np.sqrt(12), rel=0.01)
     middle = SE3.apply(b.T_world_part @ T_far_near, pin.centroid)
     np.testing.assert_allclose(middle, SE3.apply(a.T_world_part, pin.centroid), atol=2 * SD)

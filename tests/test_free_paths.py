@@ -1,4 +1,4 @@
-"""Paths on which nothing was met, beside touches with labels and without: they count, and what contradicts is named."""
+"""Paths without a hit, beside touches with labels and without: they count, and contradicting ones are named."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def path_that_meets(meets, misses, rng):
 
 
 def sensed(part, T, planes, paths, rng, labels=True):
-    """Touches of planes, and beams that met nothing, from a hand that looks along its z."""
+    """Return touches of planes and beams without a hit, from a hand that points along its z."""
     points = np.concatenate([SE3.apply(T, points_on_plane(part, k, 4, rng)) for k in planes])
     into = -np.repeat(part.planes.normals[planes], 4, axis=0) @ T[:3, :3].T
     n, m = len(points), len(paths)
@@ -85,12 +85,12 @@ def test_a_path_through_the_part_is_named_with_how_far(steps, labels):
     T = box_centred_pose(rng)
     d = np.array([0.0, 0.6, 0.8])
     start = low.centroid - 0.2 * d
-    met = Surface(low.vertices, low.triangles).cast(start[None], d[None]).distances[0]
+    distance = Surface(low.vertices, low.triangles).cast(start[None], d[None]).distances[0]
     beside = start + 1.0, d
     readings = sensed(low, T, np.argsort(-low.planes.areas)[:7], [beside, (start, d)], rng, labels)
     answer = identify(readings, [low])
-    says = f"{readings.ids[-1]} (by {float(f'{1e3 * (LENGTH - met):.2g}'):.0f} mm)."
-    assert f"blocks 1 of 2 paths on which nothing was met: {says}" in answer.message
+    text = f"{readings.ids[-1]} (by {float(f'{1e3 * (LENGTH - distance):.2g}'):.0f} mm)."
+    assert f"blocks 1 of 2 paths on which nothing was met: {text}" in answer.message
 
 
 def test_a_labelled_part_in_way_of_many_paths_is_none_of_these(steps):

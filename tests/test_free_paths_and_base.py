@@ -1,4 +1,4 @@
-"""Paths on which nothing was met, in a world that the robot's base puts elsewhere: they are off with the readings."""
+"""Paths without a hit, in a world displaced by the error of the robot's base: they move with the readings."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def targets():
 
 
 def grazing(target, m, rng):
-    """Starts and directions of paths that pass the part, 0 to 3 mm beside it."""
+    """Return starts and directions of paths that pass the part at 0 to 3 mm."""
     out = []
     while len(out) < m:
         (p,), (d,) = beams(target, 1, rng)
@@ -48,13 +48,13 @@ def grazing(target, m, rng):
 
 
 def seen(T, points, into, paths, rng, labels=()):
-    """Touches and free-space rays as a robot says them whose base is off; all are in the part's frame."""
+    """Return touches and free-space rays of a robot with a displaced base; all are in the part's frame."""
     base = np.repeat([ROBOT.pos_abs_std, ROBOT.rot_abs_std], 3) * rng.normal(size=6)
-    T_said, n, m = SE3.exp(-base) @ T, len(points), len(paths)
+    T_stated, n, m = SE3.exp(-base) @ T, len(points), len(paths)
     points = points + SD * rng.normal(size=points.shape)
-    directions = np.concatenate([into, np.array([d for _, d in paths]).reshape(-1, 3)]) @ T_said[:3, :3].T
+    directions = np.concatenate([into, np.array([d for _, d in paths]).reshape(-1, 3)]) @ T_stated[:3, :3].T
     return Readings.from_columns(
-        SE3.apply(T_said, np.concatenate([points, np.array([p for p, _ in paths]).reshape(-1, 3)])),
+        SE3.apply(T_stated, np.concatenate([points, np.array([p for p, _ in paths]).reshape(-1, 3)])),
         directions=directions, sds=np.full(n + m, SD), features=[*labels, *[""] * (n + m - len(labels))],
         is_free=np.arange(n + m) >= n, max_ranges=np.r_[np.full(n, np.nan), np.full(m, LENGTH)],
     )  # fmt: skip
@@ -83,7 +83,7 @@ def answers(targets):
 
 @pytest.mark.slow
 def test_the_covariance_in_the_world_is_as_wide_as_base_makes_it(answers):
-    """Paths that stayed behind would hold the part where the base is not off: a third of them were in the region."""
+    """Paths without the base error would pin the part at the wrong place: a third of the answers were in the region."""
     sure = [(part, T, a.hypotheses[0]) for part, T, a in answers if a.status == "recognized"]
     assert len(sure) >= 0.7 * SCENES
     values = np.array([nees(part, h.T_world_part, h.covariance, T)[0] for part, T, h in sure])
@@ -93,7 +93,7 @@ def test_the_covariance_in_the_world_is_as_wide_as_base_makes_it(answers):
 
 
 @pytest.mark.slow
-def test_no_path_that_passed_is_said_to_lead_through_the_part(answers):
+def test_no_passing_path_is_reported_as_through_the_part(answers):
     assert not [a.message for *_, a in answers if "paths on which nothing was met" in a.message]
 
 
@@ -108,7 +108,7 @@ def test_a_path_through_the_middle_is_named_also_with_base_off(targets, labels):
 
 
 def test_labelled_parts_are_weighed_with_free_space_rays(targets):
-    """Twelve paths that passed: the part is no less probable than it was without them, and none of them is named."""
+    """Twelve free paths: the part is no less probable than without them, and no path is named."""
     for k in range(8):
         rng, target = np.random.default_rng((1992, k)), targets[k % 2]
         T = box_centred_pose(rng)
@@ -133,8 +133,8 @@ def test_rays_are_averaged_over_the_base_error(targets):
     path = replace(path, shared_jacobian=gains[None], turns=np.zeros((1, 3, 3)))
     priors = Priors(radius=target.part.radius)
     near, z = T @ SE3.exp(np.repeat([1e-3, 0.01], 3) * rng.normal(size=(6, 6))), rng.normal(size=(n, 3))
-    said = [log_marginals(touches, target, priors, near, rays=free) for free in (path, no_paths())]
-    for one, log in zip(near, said[0] - said[1], strict=True):
+    logs = [log_marginals(touches, target, priors, near, rays=free) for free in (path, no_paths())]
+    for one, log in zip(near, logs[0] - logs[1], strict=True):
         Ts = np.broadcast_to(one, (n, 4, 4))
         each = [log_densities(touches, target, priors, Ts, z, rays=f) for f in (path, no_paths())]
         each = [of + 0.5 * (z * z).sum(axis=1) for of in each]

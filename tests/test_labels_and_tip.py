@@ -1,4 +1,4 @@
-"""Faces touched with a tip that is off by many times the noise, the hand turned anew for every touch."""
+"""Faces touched with a tip that is off by many times the noise, the hand rotated for every touch."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ def bracket():
 
 
 def touched(part, T, rng, tip):
-    """Five touches on each of six larger faces that fix it, with labels, from where the fingertip is said to be."""
+    """Return five touches on each of six larger faces that fix it, with labels, from the stated places of the
+    fingertip."""
     points, normals, labels, planes = [], [], [], np.zeros(0, dtype=int)
     while np.linalg.matrix_rank(part.planes.normals[planes]) < 3:
         planes = rng.permutation(np.argsort(-part.planes.areas)[:9])[:6]

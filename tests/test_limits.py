@@ -18,7 +18,7 @@ POSE = np.eye(4), 1e-4 * np.eye(6)
 
 
 def far(away):
-    """A pose at that distance."""
+    """Return a pose at a given distance."""
     T = np.eye(4)
     T[0, 3] = away
     return T

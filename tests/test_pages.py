@@ -151,7 +151,7 @@ def test_code_runs(name, wedge, tmp_path, monkeypatch, capsys):
 
 
 def typed(text):
-    """Lines that begin with the program's name, continued ones as one, without what is said behind them."""
+    """Yield lines that begin with the program's name, continued ones as one, without trailing output."""
     for line in text.replace("\\\n", " ").splitlines():
         words = re.split(r"\s{2,}#?|\s#", line.removeprefix("$ ").strip())[0] if "\\" not in line else line
         if words.startswith("tanteo ") and "(" not in words:
@@ -165,7 +165,7 @@ def commands(page):
 
 
 def options(command):
-    """Of a command, or of all that are in a group."""
+    """Return the options of a command, or of all commands of a group."""
     inside = [options(one) for one in getattr(command, "commands", {}).values()]
     return {option for p in command.params for option in (*p.opts, *p.secondary_opts)}.union(*inside)
 
@@ -183,8 +183,8 @@ def test_commands_and_their_options_exist(page):
             assert set(choices) <= set(here.commands), f"{page.name}: {command}"
             here, words = here.commands[choices[0]], rest
         known = options(here) | {"--help", "--install-completion"}
-        asked = {word.split("=")[0] for word in words if re.match(r"--?[a-z]", word)}
-        assert asked <= known, f"{page.name}: {command}: {sorted(asked - known)}"
+        given = {word.split("=")[0] for word in words if re.match(r"--?[a-z]", word)}
+        assert given <= known, f"{page.name}: {command}: {sorted(given - known)}"
         for word in words:
             if word.startswith("examples/"):
                 assert (ROOT / word).exists(), f"{page.name}: {command}"

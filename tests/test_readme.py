@@ -1,4 +1,4 @@
-"""The README does what it says: its commands exist, its code runs, and its output is the program's.
+"""The README is correct: its commands exist, its code runs, and its output is the program's.
 
 ``python tests/test_readme.py`` writes the output of today into the README and the first steps.
 """
@@ -33,7 +33,7 @@ PLAIN = [line for language, body in BLOCKS if not language for line in body.spli
 
 
 def tanteo(command, cache):
-    """Output of ``tanteo ...``, run where the README says."""
+    """Return the output of ``tanteo ...``, run in the folder of the README."""
     program, *arguments = command.split()
     assert program == "tanteo"
     code = [sys.executable, "-c", "from tanteo.cli import main; main()", *arguments]
@@ -43,8 +43,8 @@ def tanteo(command, cache):
     return done.stdout
 
 
-def alike(shown, real):
-    """The same words, and numbers that differ by rounding only."""
+def equal_but_rounding(shown, real):
+    """Return whether two texts have equal words, and numbers that differ by rounding only."""
     if NUMBER.sub("#", " ".join(shown.split())) != NUMBER.sub("#", " ".join(real.split())):
         return False
     pairs = zip(NUMBER.findall(shown), NUMBER.findall(real), strict=True)
@@ -61,7 +61,7 @@ def cache(cache):
 def test_output_is_that_of_the_program(block, cache):
     command, shown = block.split("\n", 1)
     real = tanteo(command.removeprefix("$ "), cache)
-    assert alike(shown, real), f"the page shows\n{shown}\nand the program says\n{real}"
+    assert equal_but_rounding(shown, real), f"the page shows\n{shown}\nand the program prints\n{real}"
 
 
 @pytest.mark.parametrize("block", PYTHON)
@@ -139,14 +139,14 @@ def test_constraints_pin_versions_and_name_no_host():
 
 
 def test_the_package_is_typed_and_has_its_presets():
-    files = {file.name for room in ("tanteo", "tanteo.sensors") for file in resources.files(room).iterdir()}
+    files = {file.name for package in ("tanteo", "tanteo.sensors") for file in resources.files(package).iterdir()}
     assert {"py.typed", "sensor_presets.csv", "robot_error_presets.csv", "paper-gripper.toml"} <= files
 
 
 def test_unlike_output_is_noticed():
-    assert alike("at x 1.00 mm", "at  x 1.01 mm")
-    assert not alike("at x 1.00 mm", "at x 1.10 mm")
-    assert not alike("at x 1.00 mm", "at y 1.00 mm")
+    assert equal_but_rounding("at x 1.00 mm", "at  x 1.01 mm")
+    assert not equal_but_rounding("at x 1.00 mm", "at x 1.10 mm")
+    assert not equal_but_rounding("at x 1.00 mm", "at y 1.00 mm")
 
 
 def update():

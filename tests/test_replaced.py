@@ -78,7 +78,7 @@ def test_where_no_other_file_may_be_the_own_one_is_written(tmp_path, monkeypatch
     assert path.read_text() == "new"
 
 
-def test_a_folder_that_is_not_there_is_said(tmp_path):
+def test_a_missing_folder_is_reported(tmp_path):
     with pytest.raises(FileNotFoundError), replaced(tmp_path / "no" / "r.csv"):
         pass
 

@@ -1,4 +1,4 @@
-"""Asking and telling: goals are reached, anything may be told, and what cannot be a reading is refused."""
+"""Plans and updates: goals are reached, any reading may be given, and invalid readings are refused."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from bare_scenes import SENSORS, beams, nees, no_paths, scene
 from sensing_scenes import (
     LASER,
     drawn_truth,
+    give_any_readings,
     new_session,
     off,
     rough,
     sense,
-    tell_anything,
     true_range,
     valid,
     where_a_ball_stops,
@@ -57,7 +57,8 @@ def test_a_session_names_and_places_the_part(targets, seed):
 
 
 def test_a_part_like_others_is_confirmed_face_by_face(targets):
-    """Located to begin with, so that no reading tells much; a part like it still gets less probable with each."""
+    """Located at the start, so that no reading has much information; a similar part still gets less probable with
+    each."""
     target, rng = targets[0], np.random.default_rng(4)
     start = rough([target], (1e-5, 1e-4))
     session, faces = new_session(start, probability=0.995), []
@@ -69,7 +70,7 @@ def test_a_part_like_others_is_confirmed_face_by_face(targets):
 
 
 @pytest.mark.parametrize(("probability", "max_measurements"), [(0.9999, 100), (0.995, 2)])
-def test_what_no_number_of_readings_confirms_is_not_asked_for(targets, probability, max_measurements):
+def test_an_unconfirmable_goal_is_not_pursued(targets, probability, max_measurements):
     target, rng = targets[0], np.random.default_rng(4)
     start = rough([target], (1e-5, 1e-4))
     session = new_session(start, probability=probability, max_measurements=max_measurements)
@@ -114,7 +115,7 @@ def test_a_question_of_somebody_else_takes_the_place_of_its_own(targets):
 
 
 def free_beam(name, origin=(0.5, 0.5, 0.5)):
-    """A reading that nobody asked for."""
+    """Return a reading that the session did not plan."""
     return Readings.from_columns(
         np.array([origin]), ids=[name], directions=np.array([[0.0, 0.0, 1.0]]), is_free=np.array([True]),
         max_ranges=np.array([0.1]),
@@ -122,7 +123,7 @@ def free_beam(name, origin=(0.5, 0.5, 0.5)):
 
 
 def test_only_its_answer_ends_the_wait_of_a_question(targets):
-    """Late, repeated and unasked readings are told while a robot is on its way."""
+    """Late, repeated and unplanned readings are given while a robot is on its way."""
     session = new_session(rough(targets))
     first = session.ask()
     reading = first.read(true_range(targets[0], np.eye(4), first))
@@ -142,7 +143,7 @@ def test_only_its_answer_ends_the_wait_of_a_question(targets):
 
 
 def known_by(how, action):
-    """The answer to a question as one hand or another tells it."""
+    """Return the answer to a question from one of two mirror-image hands."""
     whole = action.read(action.expected, name="mine")
     return {
         "beam": whole,
@@ -169,11 +170,11 @@ def test_a_reading_of_another_beam_answers_only_by_word(targets):
     action = session.ask()
     one, n = action.read(action.expected, name="mine"), action.direction
     across = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
-    behind, askew = action.origin - 0.01 * n, n + 0.3 * across
+    back, askew = action.origin - 0.01 * n, n + 0.3 * across
     others = [
         replace(one, points=one.points.map(lambda p: p + 0.3 * action.expected * across), ids=("beside",)),
         replace(one, directions=(askew / np.linalg.norm(askew))[None], ids=("askew",)),
-        Readings.from_columns(behind[None], ids=["behind"], directions=n[None]),
+        Readings.from_columns(back[None], ids=["behind"], directions=n[None]),
         replace(one, ids=("a7",)),
     ]
     for other in others:
@@ -185,25 +186,25 @@ def test_a_reading_of_another_beam_answers_only_by_word(targets):
 
 
 def test_a_hand_that_is_not_quite_where_it_was_sent_has_answered(targets):
-    """And a touch of which only the place is known: asked again for ever, no loop would end."""
+    """A touch without a direction also answers: with the same plan for ever, no loop would end."""
     session = new_session(rough(targets))
-    for aside in (None, 0.02):
+    for shift in (None, 0.02):
         action = session.ask()
         one = action.read(action.expected)
-        turned = None if aside is None else one.directions[:] + np.array([[0.0, aside, 0.0]])
-        told = Readings.from_columns(one.points[:] + 2e-3, ids=[f"probe {action.number}"], directions=turned)
-        assert session.tell(told).action is action
+        turned = None if shift is None else one.directions[:] + np.array([[0.0, shift, 0.0]])
+        given = Readings.from_columns(one.points[:] + 2e-3, ids=[f"probe {action.number}"], directions=turned)
+        assert session.tell(given).action is action
         assert session.ask() is not action
 
 
 @pytest.mark.parametrize("expected", [np.nan, np.inf, 0.0])
 def test_a_question_that_expects_nothing_is_answered_by_its_beam(targets, expected):
-    """Put by somebody who did not say after which way: it would be asked again for ever."""
+    """The caller gave no direction: the session would plan it for ever."""
     session = new_session(rough(targets))
     action = replace(session.ask(), expected=expected)
     session.put(action)
-    told = Readings.from_columns((action.origin + 0.1 * action.direction)[None], ids=["mine"])
-    assert session.tell(told).action is action
+    given = Readings.from_columns((action.origin + 0.1 * action.direction)[None], ids=["mine"])
+    assert session.tell(given).action is action
     assert session.pending is None
 
 
@@ -214,12 +215,12 @@ def test_only_question_that_waits_is_dropped_when_it_is_refused(targets):
     second = session.ask()
     session.refuse(first)
     assert session.ask() is second
-    session.refuse(replace(second))  # as it is read from a record
+    session.refuse(replace(second))  # as a record restores it
     assert session.pending is None
     assert session.refused[0] is first
 
 
-def test_extra_readings_are_taken_and_told_ones_left_out(targets):
+def test_extra_readings_are_taken_and_repeated_ones_excluded(targets):
     start, rng = rough(targets), np.random.default_rng(1)
     k, T = drawn_truth(start, rng)
     session = new_session(start)
@@ -236,14 +237,14 @@ def test_extra_readings_are_taken_and_told_ones_left_out(targets):
     assert session.count == 2
 
 
-def test_new_names_are_not_those_that_are_told_with_them(targets):
+def test_new_names_differ_from_those_given_with_them(targets):
     session = new_session(rough(targets))
     session.tell(Readings.from_columns(np.array([[0.0, 0.0, 0.1]]), ids=["a"]))
     step = session.tell(Readings.from_columns(np.array([[0.0, 0.0, 0.2], [0.0, 0.1, 0.1]]), ids=["a", "a (2)"]))
     assert step.ids == ("a (3)", "a (2)")
 
 
-def test_a_run_told_again_under_new_names_is_not_counted_again(targets):
+def test_a_run_repeated_under_new_names_is_not_counted_again(targets):
     """Two runs of one robot program have the same names and other values."""
     session = new_session(rough(targets))
     runs = [Readings.from_columns(np.array([[0.0, 0.0, z]]), ids=["a"], sds=np.array([1e-3])) for z in (0.1, 0.2, 0.3)]
@@ -256,7 +257,7 @@ def test_a_run_told_again_under_new_names_is_not_counted_again(targets):
     assert session.readings.ids == ("a", "a (2)", "a (3)")
 
 
-def test_a_correction_of_what_was_told_is_not_taken_silently(targets):
+def test_a_correction_of_a_reading_is_not_taken_silently(targets):
     session = new_session(rough(targets))
     reading = Readings.from_columns(np.array([[0.0, 0.0, 0.1]]), ids=["a"], sds=np.array([1e-4]))
     session.tell(reading)
@@ -265,8 +266,8 @@ def test_a_correction_of_what_was_told_is_not_taken_silently(targets):
     assert step.note == "Reading a is known with other errors, radius or normal, which stay."
 
 
-def test_nothing_is_enough_before_a_reading_met_a_part(targets):
-    """Beams that went free beside the only part that is expected tell nothing of which it is."""
+def test_no_session_succeeds_before_a_reading_hits_a_part(targets):
+    """Beams that pass beside the only expected part do not decide which part it is."""
     start = replace(rough(targets[:1]), priors=replace(rough(targets[:1]).priors, unknown=0.005))
     session = new_session(start, probability=0.99)
     away = np.array([[1.0, 1.0, 1.0]])
@@ -278,7 +279,7 @@ def test_nothing_is_enough_before_a_reading_met_a_part(targets):
 
 
 def two_steps(weights, **stop):
-    """Readings on what both steps have: nothing but what was known beforehand tells which it is."""
+    """Return readings on the faces that both steps have, so that only the prior distinguishes them."""
     first, second = (prepare(read_part(PARTS / f"step_{n}mm.step")) for n in (12, 15))
     start = at_place([first, second], np.eye(4), np.diag(np.repeat([1e-3, 0.01], 3)) ** 2)
     start = replace(start, Ts=np.stack([np.eye(4)] * 2), weights=np.array(weights))  # the files have one frame
@@ -289,7 +290,7 @@ def two_steps(weights, **stop):
     return session
 
 
-def test_two_parts_are_ambiguous_however_little_was_asked_for():
+def test_two_parts_are_ambiguous_for_any_required_probability():
     """Half a probability is not known, so that the session does not say that it is enough either."""
     session = two_steps((0.5, 0.5), probability=0.3, tolerance=0.05, confidence=0.3)
     assert session.state.of_parts().min() > 0.3
@@ -301,7 +302,7 @@ def test_two_parts_are_ambiguous_however_little_was_asked_for():
 
 
 @pytest.mark.parametrize("tolerance", [None, 0.05])
-def test_what_is_enough_is_an_answer_that_says_how_sure_it_is(tolerance):
+def test_a_reached_goal_is_an_answer_with_its_probability(tolerance):
     session = two_steps((0.8, 0.2), probability=0.6, tolerance=tolerance, confidence=0.6)
     P = session.state.of_parts()
     assert 0.6 < P[0] < 0.95
@@ -351,7 +352,7 @@ def test_any_sequence_of_readings_leaves_a_valid_belief(targets, seed):
     start = rough(targets)
     k, T = drawn_truth(start, rng)
     session = new_session(start, seed=seed, tolerance=1e-6, max_measurements=1000, least_gain=0.0)
-    tell_anything(session, targets[k], T, rng, 6)
+    give_any_readings(session, targets[k], T, rng, 6)
 
 
 def test_millimetres_are_no_free_beam(targets):
@@ -363,7 +364,7 @@ def test_millimetres_are_no_free_beam(targets):
 
 
 def test_a_contradicted_prior_ends_the_session(targets):
-    """All six of its errors are over twice what was said; the readings agree, and a wider prior pose explains them."""
+    """All six errors are over twice the stated ones; the readings agree, and a wider prior pose explains them."""
     start, rng = rough(targets, (0.010, 0.07)), np.random.default_rng(4)
     T = start.Ts[2] @ SE3.exp(np.linalg.cholesky(start.covariances[2]) @ np.full(6, 2.3))
     session = new_session(start, tolerance=1e-3, max_measurements=40)
@@ -385,17 +386,17 @@ def test_a_contradicted_prior_ends_the_session(targets):
     [(True, 0.0, 3e-4, 3e-4), (False, 0.0, 3e-4, 9e-5), (False, 0.02, 3e-4, 1e-3), (False, 0.0, 3e-3, 9e-4)],
 )
 def test_a_beam_is_as_wide_across_as_its_cone_and_touch_as_along(targets, contact, half_angle, sd, across):
-    """Of readings of which only the spread along is said; a beam taken for a touch sees no edge where it is."""
+    """Readings with a stated spread along only; a beam taken for a touch puts an edge at the wrong place."""
     session = Session(rough(targets), replace(LASER, contact=contact, beam_half_angle=half_angle), Sensing(sd=sd))
     action = session.ask()
     d = action.direction
     expected = sd**2 * np.outer(d, d) + across**2 * (np.eye(3) - np.outer(d, d))
-    for told in (session, Session(session.start, session.probe, Sensing())):  # of the sensor, or of the reading itself
-        told.tell(action.read(0.1, sd=None if told is session else sd))
-        np.testing.assert_allclose(told.state.touches.covs[-1], expected, atol=1e-12)
+    for given in (session, Session(session.start, session.probe, Sensing())):  # of the sensor, or of the reading itself
+        given.tell(action.read(0.1, sd=None if given is session else sd))
+        np.testing.assert_allclose(given.state.touches.covs[-1], expected, atol=1e-12)
 
 
-def test_the_error_of_a_tip_counts_where_the_hand_is_told(targets):
+def test_the_error_of_a_tip_counts_where_hand_poses_are_given(targets):
     session = Session(rough(targets), LASER, Sensing(sd=3e-4, tip_sd=(1e-3, 1e-3, 0.0)))
     action = session.ask()
     distance, turn = true_range(targets[0], session.start.Ts[0], action), SE3.exp(np.array([0, 0, 0, 0, 0.7, 0]))
@@ -413,7 +414,7 @@ TOUCH = probe_of(2e-5, contact=True)
 
 
 def touched(session, target, T, tip, *, turned):
-    """Touches until the session ends, by a hand that turns with the approach or is held alike and whose tip is off."""
+    """Sense touches until the session ends, with a displaced tip and a hand that rotates with the approach or not."""
     rng, ways = np.random.default_rng(3), []
     while isinstance(action := session.ask(), Action):
         R = action.T_world_probe[:3, :3] if turned else np.eye(3)
@@ -424,8 +425,9 @@ def touched(session, target, T, tip, *, turned):
     return action, ways
 
 
-def test_what_the_tip_hides_is_not_asked_for_again_and_again(targets):
-    """The hand is held alike: what is left is the tip's offset, which no further touch tells from the part's place."""
+def test_places_that_the_tip_hides_are_not_planned_repeatedly(targets):
+    """The hand keeps its rotation: the tip's offset remains, and no further touch separates it from the part's
+    place."""
     start = at_pose(targets[0], np.eye(4), np.diag([3e-3] * 3 + [0.03] * 3) ** 2)
     sensing = Sensing(sd=2e-5, tip_sd=(5e-4, 5e-4, 2e-4))
     session = Session(start, TOUCH, sensing, stop=Stop(tolerance=1e-4, max_measurements=40))
@@ -452,7 +454,7 @@ def test_a_hand_that_turns_with_the_approach_finds_its_tip(targets):
     assert off(session, 0, T) < 1e-4
 
 
-def test_the_error_of_a_robot_is_said_to_be_what_is_left(targets):
+def test_the_error_of_a_robot_is_reported_as_the_limit(targets):
     start = at_pose(targets[0], np.eye(4), np.diag([3e-3] * 3 + [0.03] * 3) ** 2)
     session = Session(start, TOUCH, Sensing(sd=2e-5, robot="calibrated_small"), stop=Stop(tolerance=1e-4))
     end, ways = touched(session, targets[0], np.eye(4), np.zeros(3), turned=True)
@@ -472,7 +474,7 @@ def test_a_bias_along_the_approach_is_found_from_opposite_sides(targets):
 
 
 @pytest.mark.parametrize("bias_sd", [None, 1e-4])
-def test_centres_of_a_ball_are_told_as_identify_takes_them(targets, bias_sd):
+def test_centres_of_a_ball_are_given_as_to_identify(targets, bias_sd):
     rng, radius = np.random.default_rng(0), 2e-3
     T = SE3.exp(np.array([2e-3, -1e-3, 1e-3, 0.01, 0.02, -0.01]))
     rows = rng.permutation(len(targets[0].samples))[:14]
@@ -485,15 +487,17 @@ def test_centres_of_a_ball_are_told_as_identify_takes_them(targets, bias_sd):
     )
     session.tell(readings)
     priors = Priors(pose=PosePrior(np.eye(4), C), noise_factor=1.0)
-    asked = identify(readings, [targets[0].part], sd=2e-5, bias_sd=bias_sd, priors=priors).best
-    told = session.answer().best
-    apart = SE3.log(SE3.inverse(asked.T_world_part) @ told.T_world_part)
-    np.testing.assert_array_less(np.abs(apart), 0.02 * np.sqrt(np.diag(asked.covariance)))  # both are means of samples
-    np.testing.assert_allclose(np.sqrt(np.diag(told.covariance)), np.sqrt(np.diag(asked.covariance)), rtol=0.1)
+    expected = identify(readings, [targets[0].part], sd=2e-5, bias_sd=bias_sd, priors=priors).best
+    given = session.answer().best
+    apart = SE3.log(SE3.inverse(expected.T_world_part) @ given.T_world_part)
+    np.testing.assert_array_less(
+        np.abs(apart), 0.02 * np.sqrt(np.diag(expected.covariance))
+    )  # both are means of samples
+    np.testing.assert_allclose(np.sqrt(np.diag(given.covariance)), np.sqrt(np.diag(expected.covariance)), rtol=0.1)
 
 
 def test_the_ball_is_part_of_the_probe(targets):
-    """Its centre stops one radius short of a face, and is told as such."""
+    """Its centre stops one radius short of a face, and the reading is this centre."""
     radius, T = 3e-3, SE3.exp(np.array([1e-3, -1e-3, 1e-3, 0.01, 0.01, -0.01]))
     start = at_pose(targets[0], np.eye(4), np.diag([2e-3] * 3 + [0.02] * 3) ** 2)
     probe = replace(TOUCH, radius=radius)
@@ -508,8 +512,8 @@ def test_the_ball_is_part_of_the_probe(targets):
     assert off(session, 0, T) < 1e-4
 
 
-def test_no_end_says_enough_of_what_the_answer_does_not_accept(targets):
-    """Readings that are all two standard deviations off, each twice, to either side: none of them is an outlier."""
+def test_no_session_succeeds_with_an_unaccepted_answer(targets):
+    """Readings that are all two standard deviations off, each twice, to either side: no reading is an outlier."""
     session = new_session(rough(targets), tolerance=8e-4)
     while isinstance(action := session.ask(), Action):
         distance = true_range(targets[0], session.start.Ts[0], action)
@@ -540,7 +544,7 @@ def test_a_higher_step_is_an_unknown_object_in_its_place():
 
 
 def test_of_several_prior_poses_the_nearest_counts(targets):
-    """An image was wrong by far more than it said, but what was known besides allows it."""
+    """An image was wrong by far more than it stated, but the other prior allows it."""
     start, rng = rough(targets[2:], (0.015, 0.1)), np.random.default_rng(4)
     both = replace(
         start, part=np.zeros(2, dtype=int), Ts=np.stack([start.Ts[0]] * 2), weights=np.array([0.02, 0.98]),
@@ -552,7 +556,7 @@ def test_of_several_prior_poses_the_nearest_counts(targets):
 
 
 @pytest.mark.parametrize(
-    ("aside", "words"),
+    ("shift", "words"),
     [
         ("xxxx..........", "Readings a1 to a4 do not fit, all after a4 do. Did the part or the sensor move?"),
         (".xx...........", ""),  # one in fifteen by chance
@@ -566,14 +570,14 @@ def test_of_several_prior_poses_the_nearest_counts(targets):
         ("xxxxxx", ""),
     ],
 )
-def test_readings_that_not_fit_until_or_since_some_time_are_said(aside, words):
-    mask = np.array([c == "x" for c in aside])
+def test_readings_that_misfit_before_or_after_a_time_are_named(shift, words):
+    mask = np.array([c == "x" for c in shift])
     found = moved([f"a{k + 1}" for k in range(len(mask))], mask)
     assert (found.message if found is not None else "") == words
 
 
 @pytest.mark.slow
-def test_a_part_that_was_moved_is_said_to_have_been(targets):
+def test_a_moved_part_is_reported(targets):
     start, rng = rough(targets[2:]), np.random.default_rng(6)
     session, T = new_session(start, tolerance=1e-3, max_measurements=20), start.Ts[0]
     while isinstance(action := session.ask(), Action):
@@ -599,7 +603,7 @@ def test_a_reading_that_not_fit_is_made_once_more_and_settles_it(targets, of_the
     assert again == 2 or (again == 1 and not of_the_object)  # one is enough where the first shows that the sensor erred
     assert action.reached == (not of_the_object)
     assert session.count <= 20 or of_the_object
-    assert session.state.unknown > 0.01 or not of_the_object  # how much depends on which faces were asked of
+    assert session.state.unknown > 0.01 or not of_the_object  # how much depends on the planned faces
 
 
 def test_beams_that_are_made_twice_are_of_one_place(targets):
@@ -609,13 +613,13 @@ def test_beams_that_are_made_twice_are_of_one_place(targets):
     assert Sensing(sd=3e-4).touches(concatenate(readings))[0].places.tolist() == [0, 1, 0]
 
 
-def test_the_most_that_was_asked_for_is_said_as_it_was(targets):
+def test_the_largest_number_of_readings_is_reported_unchanged(targets):
     session = new_session(rough(targets), max_measurements=2)
     session.tell(concatenate([free_beam(f"f{k}", (0.5, 0.5, 0.1 * k)) for k in range(3)]))
     assert session.ask().findings == (ReadingLimit(2, 3),)
 
 
-def test_a_part_out_of_reach_is_said(targets):
+def test_a_part_out_of_reach_is_reported(targets):
     from dataclasses import replace
 
     from tanteo.hand import Workspace
@@ -629,7 +633,7 @@ def test_a_part_out_of_reach_is_said(targets):
 
 
 def supposing(state, probabilities, unknown):
-    """As if the best mode were several, with these probabilities."""
+    """Return the session as if the best mode were several, with given probabilities."""
     modes = tuple(replace(state.modes[0], probability=p) for p in probabilities)
     return replace(state, posterior=replace(state.posterior, modes=modes), unknown=unknown, draws=None)
 
@@ -655,7 +659,7 @@ def test_poses_that_differ_by_less_than_tolerance_are_one_answer(targets):
         )
     assert answered(three, Stop(0.98, tolerance=0.02), 0, 5, 0.01).status == "unknown"
     in_some = answered(three, Stop(0.6), 0, 5, 0.01)
-    assert in_some.status == "ambiguous"  # of its poses; which part it is was asked for, and is said
+    assert in_some.status == "ambiguous"  # of its poses; the session decided the part
     assert in_some.message.startswith(
         "It is wedge (66.0 %), in one of several poses. It may also be an unknown part (34.0 %)."
     )
@@ -680,7 +684,7 @@ def test_a_reading_against_all_leaves_the_unknown_object(targets):
     assert session.answer().status == "unknown"
 
 
-def test_a_refused_reading_is_not_asked_again(targets):
+def test_a_refused_reading_is_not_planned_again(targets):
     session = new_session(rough(targets))
     seen = []
     for _ in range(5):
@@ -712,7 +716,7 @@ def test_places_and_directions_like_a_refused_one_are_left_out(targets):
     np.testing.assert_array_equal(session._open(some).origins, some.origins[2:])
 
 
-def test_only_what_can_be_made_is_asked(targets):
+def test_only_possible_readings_are_planned(targets):
     session = new_session(rough(targets))
     session.able = lambda state, candidates: candidates.directions[:, 2] < -0.9
     assert session.ask().direction[2] < -0.9
@@ -722,7 +726,7 @@ def test_only_what_can_be_made_is_asked(targets):
 
 
 @pytest.mark.parametrize(("tilt", "contact", "speaks"), [(70, False, False), (70, True, True), (40, False, True)])
-def test_no_echo_from_an_oblique_face_says_nothing(tilt, contact, speaks):
+def test_no_echo_from_an_oblique_face_has_no_information(tilt, contact, speaks):
     """Beams at the middle of the top, from beyond and within the incidence to which the probe answers."""
     target, angle = prepare(read_part(PARTS / "block.step")), np.radians(tilt)
     low, high = target.part.box

@@ -1,4 +1,4 @@
-"""The documentation as a site: it builds without a warning, has every room, and asks for nothing when it is read."""
+"""The documentation as a site: it builds without a warning, has every package, and makes no request when it is read."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ NOT_FOR_PROGRAMS = {
 }
 
 
-def test_the_interface_has_every_room():
+def test_the_interface_has_every_package():
     text = (ROOT / "docs" / "api.rst").read_text(encoding="utf-8")
     listed = set(re.findall(r"^\.\. automodule:: tanteo\.(\w+)$", text, re.MULTILINE))
-    assert listed == {room.name for room in pkgutil.iter_modules(tanteo.__path__)} - NOT_FOR_PROGRAMS
+    assert listed == {package.name for package in pkgutil.iter_modules(tanteo.__path__)} - NOT_FOR_PROGRAMS
 
 
 def test_the_contents_name_pages_that_exist():
@@ -51,7 +51,7 @@ def test_the_contents_name_pages_that_exist():
         assert any((ROOT / "docs" / f"{name}{suffix}").is_file() for suffix in (".md", ".rst")), name
 
 
-SAYS = {
+PRINTS = {
     "01_locate_a_fixture": [
         "recognized - clamp, located to",
         "without 5, noise",
@@ -60,7 +60,7 @@ SAYS = {
     ],
     "02_which_of_twenty_brackets": [
         "recognized - 60x50x6s4b30",
-        "This reading tells 60x40x5s4b30",
+        "This reading discriminates 60x40x5s4b30",
         "unknown - The closest",
     ],
     "03_plan_touches_for_a_tolerance": [
@@ -73,14 +73,14 @@ SAYS = {
 """What the notebooks print, in short."""
 
 
-def test_every_notebook_is_expected_to_say_something():
-    assert sorted(SAYS) == [file.stem for file in sorted(NOTEBOOKS.glob("[0-9]*.py"))]
+def test_every_notebook_has_an_expected_output():
+    assert sorted(PRINTS) == [file.stem for file in sorted(NOTEBOOKS.glob("[0-9]*.py"))]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("with_notebooks", [False, True])
 def test_the_site(tmp_path, with_notebooks, request):
-    """Built once, with the notebooks run or not: no warning, every page, nothing asked of anybody, links that hold."""
+    """Built once, with the notebooks run or not: no warning, every page, no request to other hosts, valid links."""
     for module in ("sphinx", "furo", "myst_parser", "latex2mathml", "sphinx_gallery", "matplotlib"):
         if importlib.util.find_spec(module) is None:
             pytest.skip(f"the extra tanteo[docs] is not installed: {module} is missing")
@@ -100,7 +100,7 @@ def test_the_site(tmp_path, with_notebooks, request):
     formulas = pages["docs/report.html"]
     assert 'display="block"' in formulas
     assert "<msub><mi>S</mi><mi>k</mi></msub>" in formulas
-    for name, words in SAYS.items():
+    for name, words in PRINTS.items():
         shown = html.unescape(re.sub(r"<[^>]*>", "", pages[f"build/notebooks/{name}.html"]))
         assert not with_notebooks or [w for w in words if w not in shown] == [], name
         assert f"{name}.ipynb" in shown
@@ -109,10 +109,10 @@ def test_the_site(tmp_path, with_notebooks, request):
     assert 'href="../build/api/tanteo.sensors.html"' in pages["docs/api.html"]
     assert "url=docs/index.html" in pages["index.html"]
     with contextlib.suppress(pytest.skip.Exception):  # the rest needs a browser
-        look_at(tmp_path, request.getfixturevalue("browser"), request.getfixturevalue("screenshots"), with_notebooks)
+        view(tmp_path, request.getfixturevalue("browser"), request.getfixturevalue("screenshots"), with_notebooks)
 
 
-LOOKED_AT = {
+VIEWED = {
     "home": "docs/index.html",
     "interface": "build/api/tanteo.sensors.html",
     "notebook": "build/notebooks/04_the_paper_equation_by_equation.html",
@@ -125,9 +125,9 @@ CUT = """() => [...document.querySelectorAll("article pre, article img, article 
 """What is wider than its place."""
 
 
-def look_at(site, browser, folder, with_notebooks):
-    """Three doors and pictures, a search that finds, nothing is cut, nothing lacks a name."""
-    for name, page in LOOKED_AT.items():
+def view(site, browser, folder, with_notebooks):
+    """Check the three entry points and pictures, a working search, no clipped text, and a name for every control."""
+    for name, page in VIEWED.items():
         for size, scheme in (("desk", "light"), ("phone", "dark")):
             watched = Watched(browser, (site / page).as_uri(), size, scheme, offline=True, noise=("error",))
             watched.page.wait_for_load_state("load")
@@ -136,11 +136,11 @@ def look_at(site, browser, folder, with_notebooks):
             if size == "desk":  # furo gives both of its side bars one role
                 assert complaints(watched.page, without=("landmark-unique",)) == [], name
             watched.page.screenshot(path=folder / f"site_{name}_{size}.png")
-            assert watched.said == []
+            assert watched.messages == []
             watched.context.close()
     watched = Watched(browser, (site / "docs/index.html").as_uri(), "desk", offline=True, noise=("error",))
-    doors = watched.page.locator(".start")
-    assert [door.locator("strong").inner_text()[:6] for door in doors.all()] == ["I have", "I have", "I teac"]
+    entries = watched.page.locator(".start")
+    assert [entry.locator("strong").inner_text()[:6] for entry in entries.all()] == ["I have", "I have", "I teac"]
     images = watched.page.locator(".gallery img")
     assert images.count() >= 6
     watched.until("[...document.querySelectorAll('.gallery img')].every((i) => i.loading === 'lazy' || i.naturalWidth)")

@@ -18,10 +18,10 @@ MOST = {
     "iterative pose fits in C++": 1,
     "tuned numbers in vision": 49,
     "tuned numbers in posterior": 110,
-    "kinds asked for in C++": 0,
-    "files that ask for kinds in C++": 0,
-    "kinds asked for in Python": 0,
-    "files that ask for kinds in Python": 0,
+    "checks of a kind in C++": 0,
+    "files with checks of a kind in C++": 0,
+    "checks of a kind in Python": 0,
+    "files with checks of a kind in Python": 0,
     "code lines of Python in the judged packages": 10224,
     "code lines of C++": 9600,
     "words of docs": 33500,
@@ -135,12 +135,12 @@ def test_numerical_constants_and_definitions_are_not_tuned():
     ],
 )
 def test_questions_of_the_kind_are_counted(source, count):
-    assert len(structure.kinds_asked(source, structure.PYTHON_KIND)) == count
+    assert len(structure.kind_checks(source, structure.PYTHON_KIND)) == count
 
 
 def test_questions_of_the_kind_in_cpp_are_counted():
     source = "if (p.kind == Kind::EDGE) f();  // Kind::BALL\nRoundKind k = RoundKind::CONE;\nif (p.amid()) g();\n"
-    assert len(structure.kinds_asked(source, structure.CPP_KIND)) == 2
+    assert len(structure.kind_checks(source, structure.CPP_KIND)) == 2
 
 
 def test_a_package_that_is_not_there_is_left_out(tmp_path):

@@ -22,7 +22,7 @@ STOPS = [(m["name"], m["file"], int(m["line"])) for m in STOP.finditer(TEXT)]
 
 
 def line_of(name: str, file: str) -> int:
-    """Where a function, class or method begins; C++ by the first line that has it."""
+    """Return the line where a function, class or method begins; in C++ the first line with its name."""
     text = (ROOT / "src" / "tanteo" / file).read_text()
     if not file.endswith(".py"):
         return next(k for k, line in enumerate(text.splitlines(), 1) if re.search(rf"\b{re.escape(name)}\(", line))
@@ -34,7 +34,7 @@ def line_of(name: str, file: str) -> int:
 
 
 @pytest.mark.parametrize(("name", "file", "line"), STOPS)
-def test_a_line_is_where_the_page_says(name, file, line):
+def test_a_line_is_where_the_page_states(name, file, line):
     assert line_of(name, file) == line
 
 

@@ -1,4 +1,4 @@
-"""The field's words, and not the private ones that they replaced: at doors, in options, in pages."""
+"""The field's words, and not the private ones that they replaced: in public APIs, in options, in pages."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ PROSE = {
 
 
 def public_names() -> list[tuple[str, str]]:
-    """Files and exported names of all rooms."""
+    """Return files and exported names of all packages."""
     found = []
     for path in sorted(SRC.rglob("*.py")):
         place = str(path.relative_to(SRC))
@@ -86,7 +86,7 @@ def public_names() -> list[tuple[str, str]]:
 
 
 def words_of(name: str) -> list[str]:
-    """``SensingState`` and ``sensing_state`` in words."""
+    """Return the words of ``SensingState`` and ``sensing_state``."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower().split("_")
 
 

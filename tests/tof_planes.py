@@ -13,13 +13,13 @@ PAIRS = [(r, w) for r in ("R1", "R2") for w in ("W1", "W2")]
 
 
 def _numbers(path, skip):
-    """Numbers of every line; the first ``skip`` cells and empty ones are left out."""
+    """Return the numbers of every line without the first ``skip`` cells and empty ones."""
     lines = [line.split(",")[skip:] for line in path.read_text().splitlines()]
     return [[float(cell) for cell in cells if cell.strip()] for cells in lines]
 
 
 def run(sensor, surface):
-    """Readings of one run; the repeats of a place are named ``R1/14.3``."""
+    """Return readings of one run; the repeats of a place are named ``R1/14.3``."""
     folder = FOLDER / f"{sensor}_{surface}_{SENSORS[sensor]}"
     places = np.array(_numbers(folder / "transforms.csv", 0)).reshape(-1, 4, 4)
     repeats = _numbers(folder / "measurements.csv", 1)
@@ -36,7 +36,7 @@ def run(sensor, surface):
 
 
 def runs(sensor):
-    """All the runs of a sensor as one log."""
+    """Return all the runs of a sensor as one log."""
     parts = [run(sensor, surface) for surface in SURFACES]
     return Readings.from_columns(
         ranges=np.concatenate([p.ranges for p in parts]),
@@ -46,6 +46,6 @@ def runs(sensor):
 
 
 def day(sensor, surface):
-    """On which day a run was taken."""
+    """Return the day of a run."""
     text = (FOLDER / f"{sensor}_{surface}_{SENSORS[sensor]}" / "measurements.csv").read_text()
     return text.partition("T")[0]

@@ -1,4 +1,4 @@
-"""A part that nobody was told of, on a table beside a clamp, and a hand above it: for tests and benchmarks."""
+"""A part at an unknown pose on a table beside a clamp, and a hand above it: for tests and benchmarks."""
 
 from __future__ import annotations
 
@@ -44,17 +44,18 @@ class Unknown:
         return float(clearances(self.scene, gripper().body, np.array(self.robot.truth)).min())
 
 
-def unknown_scene(targets, number, rng, *, told=True, cell=None, rest=None) -> Unknown:
-    """One of the targets, turned anyhow on the table, its place drawn from what is known of it.
+def unknown_scene(targets, number, rng, *, known=True, cell=None, rest=None) -> Unknown:
+    """Return one of the targets, in any rotation on the table, its place drawn from the prior.
 
-    With ``told`` false nobody knows of the clamp. ``rest`` is how the part lies, a rotation; upright if not given.
+    With ``known`` false the planner has no model of the clamp. ``rest`` is the rotation of the part on the table;
+    upright if not given.
     """
     part, rest = targets[number].part, np.eye(3) if rest is None else rest
     T_rough = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)])), np.zeros(3))
     T = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, SDS[5] * rng.normal()])) @ T_rough[:3, :3] @ rest, np.zeros(3))
     T[2, 3] = -SE3.apply(T, part.vertices)[:, 2].min()
     centre = SE3.apply(T, part.centroid)
-    # the place is drawn about the truth: as wrong as it is said to be
+    # the place is drawn about the truth, with the error that the prior states
     tilt = SO3.exp(SDS[3:] * [1, 1, 0] * rng.normal(size=3))
     T_world_place = SE3.from_parts(T_rough[:3, :3] @ tilt @ rest, centre + SDS[:3] * rng.normal(size=3))
     spread = np.kron(np.eye(2), rest.T) @ np.diag(SDS**2) @ np.kron(np.eye(2), rest)
@@ -63,20 +64,20 @@ def unknown_scene(targets, number, rng, *, told=True, cell=None, rest=None) -> U
     corners = np.array([x, low[1], 0.0]), np.array([x + 0.04, low[1] + 0.06, rng.uniform(0.03, 0.08)])
     table, clamp = box("table", [-0.5, -0.5, -0.05], [0.5, 0.5, 0.0]), box("clamp", *corners)
     scene = Scene.of([table, clamp, Solid.at("part", part.vertices, part.triangles, T)])
-    boxes = [ForbiddenBox("clamp", *corners)] if told else []
+    boxes = [ForbiddenBox("clamp", *corners)] if known else []
     above = SE3.from_parts(np.diag([1.0, -1.0, -1.0]), [centre[0], centre[1], high[2] + 0.30])
     return Unknown(
         scene,
         T,
         at_place(targets, T_world_place, spread),
         Rules(clearance=CLEARANCE, workspace=Workspace.above(0.0, boxes)),
-        Furniture(Scene.of([table, clamp] if told else [table]).surface),
+        Furniture(Scene.of([table, clamp] if known else [table]).surface),
         SimulatedHand(scene, gripper(), above, rng=rng, cell=cell or Cell()),
     )
 
 
 def unknown_session(unknown, policy="information", seed=0, **stop) -> Session:
-    """A session about it, with the gripper's frontal sensors."""
+    """Return a session about the scene, with the gripper's frontal sensors."""
     probe = hand_probe(gripper(), unknown.rules, STANDOFF)
     able = reachable(gripper(), unknown.rules, probe.retreat)
     sensing = Sensing(rig=gripper().rig)
@@ -84,7 +85,7 @@ def unknown_session(unknown, policy="information", seed=0, **stop) -> Session:
 
 
 def off(session, number, T_world_part) -> float:
-    """How far the worst corner is off [m]; infinite for another part."""
+    """Return the largest error of a corner [m]; infinite for another part."""
     state = session.state
     if not len(state.weights) or state.part[0] != number:
         return float("inf")

@@ -21,12 +21,12 @@ TABLE = box("table", [-0.3, -0.3, -0.05], [0.3, 0.3, 0.0])
 
 
 def brackets():
-    """The two, prepared."""
+    """Return the two prepared brackets."""
     return [prepare(read_part(PARTS / f"bracket_{side}.stl", unit="mm")) for side in ("left", "right")]
 
 
 def maker(targets, **stop):
-    """Shows in which the first of the targets lies there."""
+    """Return a maker of views in which the first target lies at its pose."""
     part = targets[0].part
     truth = Solid.at("unknown", part.vertices, part.triangles, TRUE)
     place = TRUE @ SE3.from_parts(np.eye(3), part.centroid + np.array([0.004, -0.006, 0.001]))
@@ -43,11 +43,11 @@ def maker(targets, **stop):
 
 
 class Person:
-    """A page that nobody draws: remembers what it was given, and wants one thing whenever the player waits."""
+    """A page without a display: it records what it gets, and sends one command whenever the player waits."""
 
     def __init__(self, *wants):
         self.wants, self.player = list(wants), None
-        self.groups, self.words, self.said = {}, {}, []
+        self.groups, self.words, self.messages = {}, {}, []
 
     def show(self, group, primitives):
         self.groups[group] = {p.name: p for p in primitives}
@@ -56,7 +56,7 @@ class Person:
         self.words[place] = html
         if place != "status":
             return
-        self.said.append(html)
+        self.messages.append(html)
         over = self.groups["truth"] and "senses the same scene now" not in html
         if (HELP in html or YOUR_TURN in html or over) and self.player.commands.empty():
             want = self.wants.pop(0)

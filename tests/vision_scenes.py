@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rendered import slab_thing, table_camera
+from rendered import rendered_slab, table_camera
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.vision import (  # fmt: skip
@@ -41,7 +41,7 @@ class Shot:
 
 
 def bracket():
-    """The left bracket, prepared."""
+    """Return the left bracket, prepared."""
     return prepare_vision(read_part(PARTS / "bracket_left.step"))
 
 
@@ -53,7 +53,7 @@ def seen_alone(model, yaw):
     return camera, image, map_edges(find_edges(image)), SE3.inverse(camera.T_world_camera) @ T
 
 
-def random_look(rng):
+def random_rendering(rng):
     """Light from above, somewhere; a table brighter than most parts."""
     turn, tilt = rng.uniform(0, 2 * np.pi), rng.uniform(0.15, 0.6)
     light = (np.cos(turn) * tilt, np.sin(turn) * tilt, 1.0)
@@ -64,14 +64,14 @@ def random_look(rng):
 
 
 def lying(model, rng, reach=TABLE):
-    """A stable pose, as probable as the model says, at a random place and yaw."""
+    """Return a stable pose, drawn with its probability, at a random place and yaw."""
     k = int(rng.choice(len(model.rests), p=[rest.probability for rest in model.rests]))
     place = np.r_[rng.uniform(-reach, reach, 2), 0.0]
     return k, SE3.from_parts(SO3.axis_rotation(2, rng.uniform(-np.pi, np.pi)), place) @ model.rests[k].T_table_part
 
 
 def plate_over(scene, share, rng, paint):
-    """A plate with a random outline that hides about a share of the first thing, as a hand or a gripper would."""
+    """Return a plate with a random outline that hides about a share of the part, as a hand or a gripper does."""
     camera = scene.camera
     x0, x1, y0, y1 = scene.extent()
     pixels = np.stack(np.meshgrid(np.arange(x0, x1, 2), np.arange(y0, y1, 2)), axis=-1).reshape(-1, 2).astype(float)
@@ -92,30 +92,30 @@ def plate_over(scene, share, rng, paint):
     wave = rng.normal(0.0, 0.0025, 9)
     front = np.stack([wave - wave.mean(), y], axis=1)
     back = np.stack([depth + rng.uniform(0.0, 0.015, 5), np.linspace(half, -half, 5)], axis=1)
-    return slab_thing(np.concatenate([back, front]), 0.004, T, paint)
+    return rendered_slab(np.concatenate([back, front]), 0.004, T, paint)
 
 
-def random_shot(models, rng, hidden=0.0, stranger=None, noise=1.0):
-    """A picture of one of the models, or of a stranger, ``hidden`` of it covered, with so much of the noise."""
-    model = stranger or models[int(rng.integers(len(models)))]
+def random_shot(models, rng, hidden=0.0, other=None, noise=1.0):
+    """Return a picture of one of the models or of another part, with a hidden share and a factor of the noise."""
+    model = other or models[int(rng.integers(len(models)))]
     camera = table_camera(rng.uniform(0.5, 0.7), rng.uniform(5, 35), rng.uniform(-180, 180))
-    camera = replace(camera, edge_sd=0.0)  # a rendered image is as the camera is told to be
+    camera = replace(camera, edge_sd=0.0)  # a rendered image has exactly the stated camera
     rest, T = lying(model, rng)
-    look = random_look(rng)
-    look = replace(look, noise=noise * look.noise)
-    scene = Stage(camera, [rendered_part(model.part, T, rng.uniform(70, 150))], look)
+    rendering = random_rendering(rng)
+    rendering = replace(rendering, noise=noise * rendering.noise)
+    scene = Stage(camera, [rendered_part(model.part, T, rng.uniform(70, 150))], rendering)
     if hidden:
         plate = plate_over(scene, hidden, rng, rng.uniform(30, 235))
-        scene = Stage(camera, [*scene.objects, plate], look)
+        scene = Stage(camera, [*scene.objects, plate], rendering)
     image, whose = render(scene, rng)
     covered = 0.0
     if hidden:
-        alone = Stage(camera, scene.objects[:1], look)
+        alone = Stage(camera, scene.objects[:1], rendering)
         x0, x1, y0, y1 = scene.extent()
         pixels = np.stack(np.meshgrid(np.arange(x0, x1), np.arange(y0, y1)), axis=-1).reshape(-1, 2)
         before = (alone.shade(pixels.astype(float))[2] == 0).sum()
         covered = 1 - (whose == 0).sum() / max(before, 1)
-    return Shot(image, camera, model if stranger is None else None, rest, T, float(covered))
+    return Shot(image, camera, model if other is None else None, rest, T, float(covered))
 
 
 def in_camera(shot):
@@ -123,8 +123,8 @@ def in_camera(shot):
     return SE3.inverse(shot.camera.T_world_camera) @ shot.T_world_part
 
 
-def told_table(shot, part, rng):
-    """The table as it is told: too high and tilted about the part by errors as stated."""
+def stated_table(shot, part, rng):
+    """Return the stated pose of the table, with height and tilt errors about the part as stated."""
     errors = TableErrors()
     about = SE3.apply(shot.T_world_part, part.centroid) * [1, 1, 0]
     place = SE3.from_parts(np.eye(3), about)

@@ -39,7 +39,7 @@ def scenes():
 
 
 def answered(scenes, rng, *, stated=1.0, probability=0.95):
-    """A method that is off by a normal error of its covariance, and states that times a factor."""
+    """Return a method that is off by a normal error of its covariance, and states that times a factor."""
     out = []
     for scene in scenes.scenes:
         xi = rng.normal(size=6) * np.r_[np.full(3, SD), np.full(3, 0.01)]
@@ -83,15 +83,15 @@ def test_sure_and_wrong_several_and_among_are_counted(scenes):
 
 
 def test_an_unknown_object_is_right_where_nothing_is_claimed(scenes):
-    stranger = BenchScene("x", scenes.scenes[0].points, SD)
-    one = BenchSet("stranger", scenes.parts, (stranger,) * 3, 3e-3)
+    unknown_scene = BenchScene("x", scenes.scenes[0].points, SD)
+    one = BenchSet("stranger", scenes.parts, (unknown_scene,) * 3, 3e-3)
     name = scenes.parts[0].name
-    said = [
+    results = [
         Outcome((), 0.01),
         Outcome((Placement(name, np.eye(4), None, 0.01),), 0.01),
         Outcome((Placement(name, np.eye(4), None, 0.98),), 0.01),
     ]
-    got = score(one, "some", said)
+    got = score(one, "some", results)
     assert got.right == pytest.approx(2 / 3)
     assert got.sure_and_wrong == pytest.approx(1 / 3)
 
@@ -140,22 +140,22 @@ def test_a_set_is_read_as_it_was_written(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "results"),
     [
         (lambda f: (f / "truth.csv").unlink(), "truth.csv"),
         (lambda f: (f / "set.toml").write_text("name = ["), "TOML"),
         (lambda f: (f / "set.toml").write_text("unit = 'mm'\ntolerance_mm = '3'"), "tolerance_mm"),
-        (lambda f: (f / "truth.csv").write_text("scene,part\n0,nobody\n"), "nobody"),
+        (lambda f: (f / "truth.csv").write_text("scene,part\n0,nobody\n"), "unlisted"),
         (lambda f: (f / "truth.csv").write_text("a,b\n1,2\n"), "columns scene, part"),
         (lambda f: (f / "truth.csv").write_text("scene,part,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,,1,2,3,0,0,0,9\n"), "line 2"),
         (lambda f: (f / "scenes" / "0.csv").write_text("x_mm,y_mm,z_mm\n1,2,3\n4,5,6\n7,8,9\n"), "standard deviation"),
     ],
 )
-def test_a_spoiled_set_is_refused(tmp_path, change, said):
+def test_a_spoiled_set_is_refused(tmp_path, change, results):
     made = generate("few", 1)
     write_set(made, tmp_path / "set")
     change(tmp_path / "set")
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=results):
         read_set(tmp_path / "set")
 
 
@@ -185,7 +185,7 @@ def other(candidates):
     return lambda scene: [np.eye(4)]
 
 def strange(candidates):
-    return lambda scene: [Placement("nobody", np.eye(4))]
+    return lambda scene: [Placement("unlisted", np.eye(4))]
 
 def mirrored(candidates):
     return lambda scene: [Placement(candidates[0].name, np.diag([1.0, 1, -1, 1]))]
@@ -196,26 +196,26 @@ def unprepared(candidates):
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "results"),
     [
         ("honest", ""),
         ("raises", "ZeroDivisionError"),
         ("ends", "exit code 7"),
         ("waits", "did not end within 2 s"),
         ("other", "expected Placement"),
-        ("strange", "nobody"),
+        ("strange", "unlisted"),
         ("mirrored", "rigid motion"),
         ("unprepared", "could not be prepared: ImportError: no such package"),
     ],
 )
-def test_whatever_a_method_does_is_a_row(tmp_path, scenes, name, said):
+def test_whatever_a_method_does_is_a_row(tmp_path, scenes, name, results):
     (tmp_path / "mine.py").write_text(METHODS)
     one = replace(scenes, scenes=scenes.scenes[:2])
     outcomes = run(f"{tmp_path / 'mine.py'}:{name}", one, patience=2.0)
-    assert [said in outcome.failure for outcome in outcomes] == [True, True]
-    assert [bool(outcome.failure) for outcome in outcomes] == [bool(said)] * 2
+    assert [results in outcome.failure for outcome in outcomes] == [True, True]
+    assert [bool(outcome.failure) for outcome in outcomes] == [bool(results)] * 2
     got = score(one, name, outcomes)
-    assert got.failures == (2 if said else 0)
+    assert got.failures == (2 if results else 0)
     assert got.right == 0
 
 
@@ -223,11 +223,13 @@ def test_decisions_come_with_more_readings(scenes):
     one = replace(scenes, scenes=scenes.scenes[:2])
     name = one.parts[0].name
 
-    def ask(scene):
+    def answer_scene(scene):
         truth = next(s.T_world_part for s in one.scenes if s.name == scene.name)
         return Outcome((Placement(name, truth, None, 0.95 if len(scene.points) >= 8 else 0.5),), 0.01)
 
-    got = with_decisions(score(one, "some", [ask(s) for s in one.scenes]), one, ask, lambda done, total: None)
+    got = with_decisions(
+        score(one, "some", [answer_scene(s) for s in one.scenes]), one, answer_scene, lambda done, total: None
+    )
     assert (got.readings, got.decided, got.decided_right) == (8, 1.0, 1.0)
 
 
@@ -251,6 +253,6 @@ def test_a_worker_that_ended_is_begun_anew(tmp_path, scenes):
         METHODS + "\ndef sometimes(candidates):\n"
         "    return lambda scene: os._exit(3) if scene.name == '0' else honest(candidates)(scene)\n"
     )
-    with at_work(f"{tmp_path / 'mine.py'}:sometimes", scenes, 20.0) as ask:
-        assert "exit code 3" in ask(scenes.scenes[0]).failure
-        assert ask(scenes.scenes[1]).failure == ""
+    with at_work(f"{tmp_path / 'mine.py'}:sometimes", scenes, 20.0) as answer_scene:
+        assert "exit code 3" in answer_scene(scenes.scenes[0]).failure
+        assert answer_scene(scenes.scenes[1]).failure == ""

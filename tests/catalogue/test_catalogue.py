@@ -166,7 +166,7 @@ def test_many_small_additions_are_folded_into_few_segments(built, tmp_path, monk
     catalogue.check()
 
 
-def test_files_that_cannot_be_read_are_told_and_left_out(parts, tmp_path):
+def test_unreadable_files_are_reported_and_excluded(parts, tmp_path):
     (parts / "bad.off").write_text("OFF\nnothing")
     found = build_catalogue(parts, tmp_path / "out", unit="mm", workers=1)
     assert found.parts == 3
@@ -182,19 +182,19 @@ def test_nothing_to_read_makes_no_catalogue(tmp_path):
         build_catalogue(tmp_path / "bad.off", tmp_path / "out", workers=0)
 
 
-def test_a_folder_with_other_things_is_no_place_for_a_catalogue(parts):
+def test_a_folder_with_other_files_is_refused_for_a_catalogue(parts):
     with pytest.raises(InputError, match=r"expected a catalogue or an empty folder to make one in, got 'a.off' in it"):
         build_catalogue(parts, parts, unit="mm", workers=0)
 
 
-def test_no_catalogue_is_told_with_how_to_make_one(tmp_path):
+def test_a_missing_catalogue_is_reported_with_the_command(tmp_path):
     with pytest.raises(InputError, match=r"expected a catalogue .* tanteo catalogue build"):
         open_catalogue(tmp_path)
     with pytest.raises(InputError, match="expected a catalogue"):
         add_to_catalogue(tmp_path, tmp_path / "none", unit="mm")
 
 
-def test_read_parts_of_a_catalogue_says_how_to_open_it(built):
+def test_read_parts_of_a_catalogue_names_open_catalogue(built):
     (failure,) = read_parts(built).failures
     assert "open_catalogue" in failure.reason
 
@@ -279,15 +279,15 @@ def test_damaged_bytes_are_an_error_and_never_an_answer(built, suffix, share):
         after = [(part.name, part.area, part.vertices.tobytes()) for part in catalogue]
         catalogue.check()
     except InputError as error:
-        says = str(error)
+        message = str(error)
     else:  # a byte between two arrays, which is of none of them
         assert after == before
-        says = "expected an undamaged catalogue"
-    assert "expected an undamaged catalogue" in says
+        message = "expected an undamaged catalogue"
+    assert "expected an undamaged catalogue" in message
 
 
 @pytest.mark.parametrize("suffix", [".parts", ".table"])
-def test_a_file_that_was_cut_short_is_told_when_it_is_opened(built, suffix):
+def test_a_truncated_file_is_reported_on_opening(built, suffix):
     (file,) = built.glob(f"segment-*{suffix}")
     spoil(file, file.stat().st_size // 2)
     with pytest.raises(InputError, match=r"bytes of segment-\w+\.(parts|table) instead of"):
@@ -297,13 +297,13 @@ def test_a_file_that_was_cut_short_is_told_when_it_is_opened(built, suffix):
 def test_a_manifest_that_is_not_as_it_was_written_is_refused(built):
     path = built / "catalogue.json"
     manifest = json.loads(path.read_text())
-    for change, says in (
+    for change, message in (
         ({"schema": "tanteo.catalogue/2"}, "another version of tanteo"),
         ({"schema": 3}, "no known schema"),
         ({"paths": ["other"]}, "wrong checksum"),
     ):
         path.write_text(json.dumps({**manifest, **change}))
-        with pytest.raises(InputError, match=says):
+        with pytest.raises(InputError, match=message):
             open_catalogue(built)
     for content in ("", "{", "[]", "[1]", "null", '"sha256"', "[" * 100_000):
         path.write_text(content)
@@ -360,7 +360,7 @@ def test_coarse_fields_are_cached_and_made_anew_if_damaged(tmp_path, monkeypatch
         assert kept.read_bytes() == whole
     kept.unlink()
     monkeypatch.setattr("tanteo.catalogue.signatures._field", lambda part, shape: (grid, levels[:-1]))
-    field()  # an entry as it was written, of other content
+    field()  # an entry with the original name and other content
     monkeypatch.undo()
     monkeypatch.setenv("TANTEO_CACHE", str(tmp_path / "cache"))
     np.testing.assert_array_equal(field()[1], levels)

@@ -99,10 +99,10 @@ def test_large_files_are_tasks_of_their_own(tmp_path, monkeypatch):
     for k, size in enumerate((20, 20, 500, 20)):
         (tmp_path / str(k)).write_bytes(b"x" * size)
         requests[k] = spreading.Request(str(tmp_path / str(k)), "mm", str(k))
-    asked = []
-    monkeypatch.setattr(spreading, "run_tasks", lambda scheduler, work, tasks, settle: asked.extend(tasks.values()))
+    submitted = []
+    monkeypatch.setattr(spreading, "run_tasks", lambda scheduler, work, tasks, record: submitted.extend(tasks.values()))
     spreading.read_on_cluster(requests, print, "local:1")
-    assert [list(task) for task in asked] == [[0, 1, 2], [3]]
+    assert [list(task) for task in submitted] == [[0, 1, 2], [3]]
 
 
 def test_a_catalogue_is_the_same_whoever_read_its_parts(parts, tmp_path, monkeypatch):
@@ -123,13 +123,13 @@ def test_a_worker_that_is_killed_loses_nothing(cluster, lent):
     first, _ = cluster.worker(), cluster.worker()
     found, killed = {}, []
 
-    def settle(k, result):
+    def record(k, result):
         found[k] = result
         if not killed:  # while both are at work
             killed.append(first.pid)
             os.kill(first.pid, signal.SIGKILL)
 
-    run_tasks(cluster.address, slow, {k: k for k in range(12)}, settle, modules=str(lent))
+    run_tasks(cluster.address, slow, {k: k for k in range(12)}, record, modules=str(lent))
     assert {k: result[0] for k, result in found.items()} == {k: k * k for k in range(12)}
     assert 1 <= len({pid for _, pid in found.values()}) <= 2
 
@@ -160,13 +160,13 @@ def test_what_the_work_raises_is_raised_here(lent):
         run_tasks("local:1", wrong, {0: 1}, print, modules=str(lent))
 
 
-def test_a_cluster_without_workers_is_told(cluster, monkeypatch):
+def test_a_cluster_without_workers_is_reported(cluster, monkeypatch):
     monkeypatch.setattr("tanteo.catalogue.cluster.work.LONGEST_WAIT", 1.0)
     with pytest.raises(InputError, match=r"expected a worker at tcp.*Start one"):
         run_tasks(cluster.address, abs, {0: -1}, print)
 
 
-def test_a_scheduler_that_ends_is_told(cluster, lent, monkeypatch):
+def test_a_scheduler_that_ends_is_reported(cluster, lent, monkeypatch):
     from lent_work import slow
 
     cluster.worker()
@@ -176,7 +176,7 @@ def test_a_scheduler_that_ends_is_told(cluster, lent, monkeypatch):
     assert time.monotonic() - start < 30
 
 
-def test_no_scheduler_is_told(monkeypatch, capsys, parts, tmp_path):
+def test_a_missing_scheduler_is_reported(monkeypatch, capsys, parts, tmp_path):
     monkeypatch.setattr("tanteo.catalogue.cluster.work.CONNECT", 0.5)
     with pytest.raises(SystemExit) as ended:
         main(["catalogue", "build", str(parts), "--units", "mm", "--out", str(tmp_path / "c"), "--scheduler",
@@ -194,7 +194,7 @@ def test_what_is_no_address_is_refused(address, tmp_path):
         build_catalogue(tmp_path, tmp_path / "c", scheduler=address)
 
 
-def test_a_worker_with_another_version_is_told():
+def test_a_worker_with_another_version_is_reported():
     with pytest.raises(InputError, match=r"expected workers with tanteo 0\.0\.0"):
         at_work("0.0.0", None, "builtins", "abs", -1)
 
@@ -217,7 +217,7 @@ def test_processes_end_when_who_began_them_was_killed():
             children, before = own.children(recursive=True), []
             while len({*children} & {*before}) < 3 and begun.poll() is None:  # scheduler, nanny, worker
                 assert time.monotonic() < patience
-                time.sleep(1)  # a process that asks for the hardware lives for a moment only
+                time.sleep(1)  # a process that queries the hardware lives for a moment only
                 children, before = own.children(recursive=True), children
             assert len(children) >= 3
         finally:
@@ -237,7 +237,7 @@ def test_processes_wait_for_one_that_is_connected():
         assert client.run_on_scheduler(lambda dask_scheduler: dask_scheduler.idle_timeout) is None
 
 
-def test_processes_that_cannot_begin_are_told(monkeypatch):
+def test_processes_that_cannot_begin_are_reported(monkeypatch):
     def none(**_):
         raise RuntimeError("Scheduler failed to start within 30s")
 

@@ -41,7 +41,7 @@ def folder(tmp_path):
 
 
 def same(first, second):
-    """Whether two parts are equal bit for bit, apart from their names."""
+    """Return whether two parts are equal bit for bit, apart from their names."""
     for group in ("", "planes", "edges", "corners"):
         a, b = (getattr(p, group) if group else p for p in (first, second))
         for field in fields(a):
@@ -80,7 +80,7 @@ def test_failures_are_sentences_and_the_others_are_read(folder):
     assert f"got none in this folder, but in {folder}: folders within" in empty.failures[0].reason
 
 
-def test_the_unit_is_asked_for_once(folder):
+def test_the_unit_is_requested_once(folder):
     with pytest.raises(UnitError, match=r"length unit of a\.off and 2 more"):
         read_parts(folder)
     with pytest.raises(UnitError, match="'ell'"):
@@ -131,7 +131,7 @@ def _must_not_read(*_args, **_kwargs):
 
 
 def entry_of(path):
-    """The entry in the cache that is written when a file is read."""
+    """Return the entry in the cache that is written when a file is read."""
     kept = set(cache_folder().rglob("*.part"))
     for entry in kept:
         entry.unlink()
@@ -218,7 +218,7 @@ def test_a_script_without_main_guard_can_read_in_parallel(folder, tmp_path):
     assert done.stdout.split() == ["23", "0"]
 
 
-def test_examples_read_alike_in_processes_and_from_cache():
+def test_examples_read_equal_in_processes_and_from_cache():
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
     files = [EXAMPLES / f"{name}.step" for name in ("block", "flange", "hex_spacer", "bracket_left")]
     parallel = read_parts(files, workers=2)

@@ -1,4 +1,4 @@
-"""The whole way, from files to answer: a known part at a known pose is found within what the answer says."""
+"""The complete path from files to answer: a known part at a known pose is found within the stated covariance."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ def touch(triangles, rng, per_face=5, skip=()):
 
 @pytest.fixture
 def answer(run, tmp_path, parts, wedge):
-    def ask(seed=0, skip=(), **options):
+    def respond(seed=0, skip=(), **options):
         readings = touch(wedge, np.random.default_rng(seed), skip=skip)
         write_readings(readings, tmp_path / "r.csv")
         extra = [word for name, value in options.items() for word in (f"--{name}", value)]
         result = run("identify", tmp_path / "r.csv", "--parts", parts, "--units", "mm", "--json", *extra)
         return result, json.loads(result.out, parse_constant=pytest.fail)
 
-    return ask
+    return respond
 
 
 def test_a_wedge_is_recognized_where_it_is(answer):
@@ -68,7 +68,7 @@ def test_a_wedge_is_recognized_where_it_is(answer):
     assert best["corner_sd_m"] < 1e-3
 
 
-def test_the_pose_error_is_what_the_covariance_says(answer):
+def test_the_pose_error_follows_the_covariance(answer):
     """NEES over 20 runs within its chi-square interval."""
     total = 0.0
     for seed in range(20):
@@ -100,7 +100,7 @@ def test_a_robot_s_base_error_widens_the_pose(answer):
 
 
 def test_parts_that_are_not_listed_are_named_in_the_message(run):
-    """Two parts fit equally; one hypothesis is asked for."""
+    """Two parts fit equally; one hypothesis is requested."""
     readings = str(EXAMPLES / "readings" / "step_not_felt.csv")
     words = ("identify", readings, "--parts", str(EXAMPLES / "parts"), "--sd", "0.3mm")
     for top in (1, 5):

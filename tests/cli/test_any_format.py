@@ -1,4 +1,4 @@
-"""Logs of others on the command line: the same answer as of a table, and what has to be said first."""
+"""Logs of other programs on the command line: the same answer as from a table, and the options that each log needs."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_a_log_and_a_cloud_give_the_answer_of_a_table(run, wedge, tmp_path):
         assert "--units mm applies to the readings and to the parts" in result.err
 
 
-def test_what_a_log_lacks_is_asked_for_before_the_parts_are_read(run, tmp_path):
+def test_missing_facts_of_a_log_are_requested_before_parts(run, tmp_path):
     log = save(tmp_path, "log.txt", rows(np.c_[POINTS, np.zeros((len(POINTS), 6))]))
     result = run("locate", log, "--part", "none.step")
     assert result.code == 1
@@ -81,7 +81,7 @@ def test_options_that_cannot_be(run, wedge, tmp_path, args, code, message):
     assert message in result.err
 
 
-def test_a_mesh_is_no_file_of_readings_unless_it_is_said(run, wedge, tmp_path):
+def test_a_mesh_is_a_file_of_readings_only_if_stated(run, wedge, tmp_path):
     head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     mesh = save(
         tmp_path, "m.ply",

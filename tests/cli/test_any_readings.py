@@ -59,7 +59,7 @@ def test_an_answer_or_a_message(run, tmp_path, parts, seed):
     document = json.loads(result.out, parse_constant=pytest.fail)
     assert (document["status"] == "recognized") == (result.code == 0)
     probabilities = [h["probability"] for h in document["hypotheses"]]
-    assert all(b <= a * (1 + 2e-3) for a, b in pairwise(probabilities))  # twins are alike to rounding
+    assert all(b <= a * (1 + 2e-3) for a, b in pairwise(probabilities))  # twins are equal to rounding
     assert 0 <= document["unknown_probability"] <= 1
     assert sum(probabilities) + document["unknown_probability"] < 1 + 1e-9
     assert document["message"]

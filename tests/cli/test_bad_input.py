@@ -1,4 +1,4 @@
-"""What people get wrong. Every case: its exit code, a message that says so, no traceback, no answer on stdout."""
+"""Errors of users: each case has its exit code and a message, no traceback, and no answer on stdout."""
 
 from __future__ import annotations
 
@@ -360,7 +360,7 @@ def test_calls_refused(run, tmp_path, parts, args, code, message, monkeypatch):
     ],
     ids=["collinear plane", "edge of one point", "free-space rays only", "one vertex", "four labels"],
 )
-def test_too_little_is_an_answer_that_says_so(run, tmp_path, parts, content, message):
+def test_too_few_readings_are_an_insufficient_answer(run, tmp_path, parts, content, message):
     (tmp_path / "r.csv").write_text(content)
     result = run("identify", tmp_path / "r.csv", "--parts", parts, "--units", "mm", "--sd", "0.1mm")
     assert result.code == 3

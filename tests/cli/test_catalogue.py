@@ -12,8 +12,8 @@ BLOCK, WEDGE = "examples/parts/block.step", "examples/parts/wedge.step"
 def run(capsys, *words):
     with pytest.raises(SystemExit) as ended:
         main(words)
-    said = capsys.readouterr()
-    return ended.value.code or 0, said.out, said.err
+    printed = capsys.readouterr()
+    return ended.value.code or 0, printed.out, printed.err
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def two(tmp_path_factory):
     return str(folder)
 
 
-def test_what_was_built_is_said(two, capsys):
+def test_the_built_catalogue_is_reported(two, capsys):
     code, out, _ = run(capsys, "catalogue", "build", BLOCK, WEDGE, "--out", two)
     assert code == 0
     assert "2 parts (0 read, 2 unchanged)" in out
@@ -35,7 +35,7 @@ def test_what_was_built_is_said(two, capsys):
     assert "all checksums are correct" in out
 
 
-def test_documents_say_the_same(two, capsys):
+def test_documents_are_equal(two, capsys):
     _, out, _ = run(capsys, "catalogue", "show", two, "--json")
     shown = json.loads(out)
     assert (shown["schema"], shown["parts"], shown["names"]) == ("tanteo.catalogue_summary/1", 2, ["block", "wedge"])
@@ -55,7 +55,7 @@ def test_a_catalogue_stands_for_its_parts(two, capsys):
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "message"),
     [
         (["show", "nowhere"], "tanteo catalogue build FOLDER... --out nowhere"),
         (["check", "examples"], "expected a catalogue"),
@@ -64,10 +64,10 @@ def test_a_catalogue_stands_for_its_parts(two, capsys):
         (["build", "examples/readings/bracket_left.csv", "--out", "{new}"], "expected one of .step"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(words, says, tmp_path, capsys):
+def test_what_cannot_be_meant_is_refused(words, message, tmp_path, capsys):
     code, out, err = run(capsys, "catalogue", *(word.format(new=tmp_path / "new") for word in words))
     assert code == 1
-    assert says in err
+    assert message in err
     assert not out
 
 

@@ -32,7 +32,7 @@ def test_only_the_pose_is_on_standard_output(run):
     np.testing.assert_allclose(T, document["hypotheses"][0]["pose"]["matrix"], atol=2e-6)
 
 
-def test_an_unverified_convention_is_told(run):
+def test_an_unverified_convention_is_reported(run):
     got = run(*LOCATE, "--as", "denso")
     assert got.code == 0
     assert "warning: --as denso: the convention was not verified" in got.err
@@ -121,20 +121,20 @@ class Machine:
         along, gone = (goal - self.at) / way, 0.0
         while (gap := self.gap(self.at + gone * along)) > 1e-7:
             gone += gap
-            assert gone < way, "nothing was met"
+            assert gone < way, "no contact"
         self.at = self.at + gone * along
         tripped = 1e3 * (self.at + self.rng.normal(size=3) * 2e-5)
         self.log.append(" ".join(f"{v:f}" for v in [*tripped, *[0.0] * 6]))
 
 
 def probe_log(log):
-    """The same as the console of GRBL shows it."""
+    """Return the console log that GRBL shows for the same probing."""
     return "".join(f"[PRB:{','.join(line.split()[:3])}:1]\nok\n" for line in log)
 
 
 @pytest.mark.parametrize("controller", ["linuxcnc", "grbl"])
 def test_a_planned_program_finds_the_part_again(run, models, tmp_path, controller):
-    """NEES of three placements below what a chi-square of 18 passes once in ten thousand; the log is read as it is."""
+    """NEES of three placements is below the 1e-4 quantile of a chi-square of 18; the log is read unchanged."""
     log = tmp_path / "log.txt"
     got = run(*PLAN, "--pose-prior", PRIOR, "--program", controller)
     assert got.code == 0
@@ -149,8 +149,8 @@ def test_a_planned_program_finds_the_part_again(run, models, tmp_path, controlle
         machine.run(got.out)
         text = probe_log(machine.log) if controller == "grbl" else "".join(f"{line}\n" for line in machine.log)
         log.write_text(text, encoding="utf-8")
-        told = ("--units", "mm", "--radius", "1.5mm", "--sd", "0.02mm", "--pose-prior", PRIOR)
-        found = run("locate", log, "--part", BRACKET, *told, "--json")
+        options = ("--units", "mm", "--radius", "1.5mm", "--sd", "0.02mm", "--pose-prior", PRIOR)
+        found = run("locate", log, "--part", BRACKET, *options, "--json")
         assert found.code == 0, found.err
         best = json.loads(found.out)["hypotheses"][0]
         error = SE3.log(SE3.inverse(SE3.inverse(machine.to_part)) @ np.array(best["pose"]["matrix"]))
@@ -159,7 +159,7 @@ def test_a_planned_program_finds_the_part_again(run, models, tmp_path, controlle
     assert total < 48.0
 
 
-def test_the_ball_goes_over_the_part_where_it_is_told(run):
+def test_the_ball_passes_over_the_stated_pose_of_the_part(run):
     got = run(*PLAN, "--pose-prior", PRIOR, "--program", "grbl", "--retract-height", "200mm")
     assert "\nG0 Z200.0000\n" in got.out
     assert "safe height Z 200.00" in got.out

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 
-def test_without_a_camera_a_feeder_says_where(run, tmp_path, monkeypatch):
+def test_without_a_camera_a_feeder_gives_the_prior_pose(run, tmp_path, monkeypatch):
     from tanteo.bench.demo import stage, story
 
     monkeypatch.setattr(stage, "find_spec", lambda name: None)
@@ -29,7 +29,7 @@ def test_without_a_camera_a_feeder_says_where(run, tmp_path, monkeypatch):
     assert "http://" not in text.replace("http://www.w3.org", "")
 
 
-def test_a_report_that_cannot_be_written_is_said_before_story(run, tmp_path):
+def test_an_unwritable_report_is_refused_before_the_demo(run, tmp_path):
     assert run("demo", "--no-open", "--report", str(tmp_path / "demo.txt")).code == 2
     assert run("demo", "--no-open", "--report", str(tmp_path / "no" / "demo.html")).code == 1
     both = run("demo", "--live", "--report", str(tmp_path / "demo.html"))
@@ -38,18 +38,18 @@ def test_a_report_that_cannot_be_written_is_said_before_story(run, tmp_path):
 
 
 @pytest.mark.slow
-def test_each_question_says_what_it_would_tell_and_what_came(run, tmp_path):
+def test_each_question_has_its_expected_gain_and_result(run, tmp_path):
     """The README shows another seed of the same story, which its quick test runs (``test_readme``)."""
     pytest.importorskip("cv2", reason="the extra tanteo[vision] is not installed")
     report = tmp_path / "demo.html"
     got = run("demo", "--no-open", "--report", str(report), "--seed", "1")
     assert got.code == 0
-    asked = re.findall(
+    planned = re.findall(
         r"^ +(\d+)  (face \d+ of \w+): (.+)\n +([\d.]+ mm|nothing): (\w+) ([\d.]+) %", got.out, re.MULTILINE
     )
-    assert [int(line[0]) for line in asked] == list(range(1, len(asked) + 1))
-    assert asked[0][2].startswith("it would read of step_12mm ")
-    assert asked[-1][4:] == ("step_12mm", max(line[5] for line in asked))
+    assert [int(line[0]) for line in planned] == list(range(1, len(planned) + 1))
+    assert planned[0][2].startswith("it would read of step_12mm ")
+    assert planned[-1][4:] == ("step_12mm", max(line[5] for line in planned))
     assert got.out.rstrip().splitlines()[-1].startswith("Plan for a part of your own: tanteo plan --part ")
     text = report.read_text(encoding="utf-8")
     assert text.count("data:image/png;base64,") == 2

@@ -18,7 +18,7 @@ SEEN = ("--image", IMAGE, "--camera", CAMERA, "--marks", MARKS)
 
 
 def pose_of(name):
-    """Where a part of the image truly is."""
+    """Return the true pose of a part in the image."""
     rows = [line.split(",") for line in (EXAMPLES / "images" / "truth.csv").read_text().splitlines()[1:]]
     (row,) = [row for row in rows if row[:2] == ["three_parts", name]]
     place, (w, *v) = np.array(row[2:5], dtype=float) * 1e-3, np.array(row[5:], dtype=float)
@@ -52,7 +52,7 @@ def few(tmp_path):
 
 
 def shares(run, *args):
-    """Probability of every part, and what was said."""
+    """Return the probability of every part, and the message."""
     done = run("identify", *args, "--sd", "0.1mm", "--json")
     assert done.out, done.err
     out: dict[str, float] = {}
@@ -63,19 +63,19 @@ def shares(run, *args):
 
 def test_an_image_changes_the_odds_of_the_parts(run, readings, few):
     alone, _ = shares(run, readings, "--parts", few, "--top", "50")
-    seen, says = shares(run, readings, "--parts", few, "--top", "50", *SEEN)
+    seen, shares_stated = shares(run, readings, "--parts", few, "--top", "50", *SEEN)
     assert max(alone.values()) < 0.9
     assert max(seen, key=seen.get) == "housing"
     assert seen["housing"] > 2 * alone.get("housing", 0.0)
-    assert "px of the image (of 3)" in says
-    assert "Parts that fit its outline: 1 of 4" in says
+    assert "px of the image (of 3)" in shares_stated
+    assert "Parts that fit its outline: 1 of 4" in shares_stated
 
 
 def test_several_images_take_one_camera_or_one_each(run, readings, few):
     """The same image twice: as plumbing, not as evidence."""
-    both, says = shares(run, readings, "--parts", few, *SEEN, "--image", IMAGE)
+    both, shares_stated = shares(run, readings, "--parts", few, *SEEN, "--image", IMAGE)
     assert max(both, key=both.get) == "housing"
-    assert says.count("px of the image (of 3)") == 2
+    assert shares_stated.count("px of the image (of 3)") == 2
 
 
 def test_readings_of_another_place_are_refused(run, few, tmp_path):

@@ -1,4 +1,4 @@
-"""Readings whose columns were exchanged are of the part in a mirror: that is asked, and of no others."""
+"""Readings with exchanged columns fit the mirrored part and raise a question; other readings raise none."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _kernel():
 
 
 def exchanged(name, target, *, swap=("x_mm", "y_mm"), vectors=("dx", "dy")):
-    """The readings of an example with two columns exchanged."""
+    """Return the readings of an example with two columns exchanged."""
     a, b = swap
     u, v = vectors
     names = {a: b, b: a, u: v, v: u}
@@ -40,7 +40,7 @@ def exchanged(name, target, *, swap=("x_mm", "y_mm"), vectors=("dx", "dy")):
 
 
 @pytest.mark.parametrize("swap", [("x_mm", "y_mm", "dx", "dy"), ("y_mm", "z_mm", "dy", "dz")])
-def test_exchanged_columns_are_asked_about(run, tmp_path, swap):
+def test_exchanged_columns_raise_a_question(run, tmp_path, swap):
     file = exchanged("step_15mm.csv", tmp_path / "r.csv", swap=swap[:2], vectors=swap[2:])
     _, _, err = run("locate", file, "--part", PART)
     assert "irror" in err
@@ -56,7 +56,7 @@ def test_programs_get_the_question_too(run, tmp_path):
     assert f"warning: {warning}" in err
 
 
-def test_readings_of_no_part_are_not_asked_about(run):
+def test_readings_of_no_part_raise_no_question(run):
     code, out, err = run("identify", EXAMPLES / "readings/unknown_part.csv", "--parts", PART, "--json")
     assert (code, json.loads(out)["status"]) == (3, "unknown")
     assert "warnings" not in json.loads(out)
@@ -92,24 +92,24 @@ def bare(part, file, *, mirrored, seed, count=11):
 
 
 @pytest.mark.parametrize("seeds", [3, pytest.param(12, marks=pytest.mark.slow)])
-def test_a_better_mirror_image_is_asked_about(run, tmp_path, seeds):
+def test_a_better_mirror_image_raises_a_question(run, tmp_path, seeds):
     """With few touches one of a mirrored part's may pass for an outlier of the part."""
-    part, asked = read_part(EXAMPLES / "parts/bracket_left.step"), 0
+    part, offered = read_part(EXAMPLES / "parts/bracket_left.step"), 0
     for seed in range(seeds):
         file = bare(part, tmp_path / "r.csv", mirrored=True, seed=seed)
         code, out, err = run("locate", file, "--part", part.source, "--sd", "0.1mm")
         outliers = "Readings that do not fit" in out
         assert not (code == 0 and outliers and "right-handed" not in err)
-        asked += "right-handed" in err
+        offered += "right-handed" in err
         file = bare(part, tmp_path / "r.csv", mirrored=False, seed=seed)
         assert "right-handed" not in run("locate", file, "--part", part.source, "--sd", "0.1mm").err
-    assert asked > 0
+    assert offered > 0
 
 
-def test_normals_that_point_into_the_material_are_asked_about(run, tmp_path):
+def test_inward_normals_raise_a_question(run, tmp_path):
     part, rng = read_part(EXAMPLES / "parts/bracket_left.step"), np.random.default_rng(1)
     points, normals = surface_points(Surface(part.vertices, part.triangles), 12, rng)
-    for sign, said in ((-1, True), (1, False)):
+    for sign, mirrored in ((-1, True), (1, False)):
         rows = np.concatenate([1e3 * points, -normals, sign * normals], axis=1)
         lines = [",".join(f"{x:.4f}" for x in row) for row in rows]
         file = tmp_path / "r.csv"
@@ -117,30 +117,30 @@ def test_normals_that_point_into_the_material_are_asked_about(run, tmp_path):
             "\n".join(["x_mm,y_mm,z_mm,dx,dy,dz,nx,ny,nz,normal_sd_deg,sd_mm", *[f"{x},1,0.1" for x in lines]])
         )
         result = run("locate", file, "--part", part.source)
-        assert ("normals have to point out of the material" in result.err) == said
+        assert ("normals have to point out of the material" in result.err) == mirrored
 
 
 def question(answer):
-    """A question of too few points for a trial fit, and its answer."""
+    """Return a stand-in for a question with too few points for a trial fit, and its answer."""
     return SimpleNamespace(
         problem=lambda readings, parts: (Problem(ContactPoints.none(), FreeRays.none(), Priors()), Candidates(parts)),
         answer=lambda readings, parts, *, bias_sd=None: answer(readings, parts),
     )
 
 
-@pytest.mark.parametrize(("left_aside", "asked"), [((), True), (("3",), False)])
-def test_a_mirror_image_has_to_fit_all_readings(left_aside, asked):
+@pytest.mark.parametrize(("excluded", "offered"), [((), True), (("3",), False)])
+def test_a_mirror_image_has_to_fit_all_readings(excluded, offered):
     part = read_part(EXAMPLES / "parts/bracket_left.step")
 
     def mirrored(readings, parts):
-        return SimpleNamespace(best=SimpleNamespace(part=parts[1].name, outliers=left_aside, probability=0.999))
+        return SimpleNamespace(best=SimpleNamespace(part=parts[1].name, outliers=excluded, probability=0.999))
 
     best = SimpleNamespace(
         part=part.name, outliers=("7",), pairings=(("1", "face 0"),) * 20, noise_scale=(1.0, 0.9, 1.1)
     )
     answer = SimpleNamespace(status="recognized", best=best)
     readings = read_readings(EXAMPLES / "readings/bracket_left.csv")
-    assert bool(about_conventions(answer, readings, [part], question(mirrored))) == asked
+    assert bool(about_conventions(answer, readings, [part], question(mirrored))) == offered
 
 
 def test_an_impossible_question_costs_the_answer_nothing():
@@ -152,14 +152,14 @@ def test_an_impossible_question_costs_the_answer_nothing():
     assert about_conventions(Answer("unknown", (), (), 1.0), readings, [part], question(refused)) is None
 
 
-def test_of_many_readings_two_dozen_are_asked_about():
-    asked = []
+def test_two_dozen_of_many_readings_raise_a_question():
+    offered = []
 
     def refused(readings, parts):
-        asked.append(len(readings))
+        offered.append(len(readings))
         raise InputError("no")
 
     part = read_part(EXAMPLES / "parts/step_15mm.step")
     readings = Readings.from_columns(points=0.02 * np.random.default_rng(0).normal(size=(100, 3)))
     assert about_conventions(Answer("unknown", (), (), 1.0), readings, [part], question(refused)) is None
-    assert set(asked) == {24}
+    assert set(offered) == {24}

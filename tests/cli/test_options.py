@@ -42,7 +42,7 @@ def test_no_word_is_a_part_without_parts_before_it(run, typed, message):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "error_text"),
     [
         (["nonsense"], "expected one of points, few"),
         (["points", "--method", "nonsense"], "FILE.py:function"),
@@ -52,10 +52,10 @@ def test_no_word_is_a_part_without_parts_before_it(run, typed, message):
         (["points", "few", "--write", "folder"], "expected one set"),
     ],
 )
-def test_what_is_typed_wrongly_of_a_benchmark_is_said(run, words, said):
+def test_wrong_options_of_a_benchmark_are_reported(run, words, error_text):
     ended = run("bench", *words)
     assert ended.code in (1, 2)
-    assert said in ended.err
+    assert error_text in ended.err
 
 
 def test_a_benchmark_prints_its_table(run, tmp_path):

@@ -35,7 +35,7 @@ def test_more_outliers_than_expected_are_no_answer(run, touches):
     assert "bracket_left at x " in out
 
 
-def test_none_of_these_is_as_probable_as_was_said(run, tmp_path):
+def test_the_unknown_object_has_its_stated_prior(run, tmp_path):
     """Eight touches, all on the part, that leave most of it unseen."""
     part = tanteo.read_part(BRACKET)
     p, _ = surface_points(Surface(part.vertices, part.triangles), 12, np.random.default_rng(3))

@@ -1,4 +1,4 @@
-"""``tanteo plan``: tables, files, and what is said of misuse."""
+"""``tanteo plan``: tables, files, and the messages for misuse."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_a_plan_as_text_csv_and_json(run, tmp_path):
     assert f"{last['within_tolerance_if_met']:.3f} if every reading meets its face" in words
 
 
-def test_where_the_part_roughly_is_can_be_said(run):
+def test_a_rough_prior_pose_can_be_stated(run):
     got = run(
         "plan", "--part", BRACKET, "--tolerance", "2mm", "--sensor", "touch_probe_hobby", "--pose-prior",
         "400,200,0mm 0,0,90deg +- 5mm 3deg", "--approach", "0,0,-1,75deg", "--standoff", "30mm", "--json",
@@ -62,7 +62,7 @@ def test_a_tolerance_out_of_reach_exits_with_3(run):
 
 
 @pytest.mark.slow
-def test_a_start_too_close_for_a_prior_pose_is_said_and_no_plan(run):
+def test_a_start_too_close_to_a_prior_pose_gives_no_plan(run):
     got = run(
         "plan", "--part", str(PARTS / "step_12mm.step"), "--sensor", "ball_tip_on_cobot", "--standoff", "8mm",
         "--clearance", "4mm", "--pose-prior", "0,0,0mm 0,0,0deg +- 5mm 3deg", "--tolerance", "0.7mm",
@@ -73,13 +73,13 @@ def test_a_start_too_close_for_a_prior_pose_is_said_and_no_plan(run):
 
 
 @pytest.mark.slow
-def test_a_sensor_that_needs_less_room_is_told_how_much(run):
+def test_a_smaller_clearance_is_proposed_with_its_value(run):
     got = run("plan", "--part", BRACKET, "--sensor", "inductive_analog_m18", "--tolerance", "1mm")
     assert got.code == 3
     assert "--clearance 3.2mm" in " ".join(got.out.split())  # with which it works: tests/planning/test_plans.py
 
 
-def test_two_parts_are_told_apart(run, tmp_path):
+def test_two_parts_are_distinguished(run, tmp_path):
     report = tmp_path / "twins.html"
     words = ("plan", "--discriminate", BRACKET, str(PARTS / "bracket_right.step"), "--sd", "0.3mm")
     got = run(*words, "--report", str(report))
@@ -180,9 +180,9 @@ def test_a_named_feature_is_planned_for(run, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("feature", "says"), [("edge 99", "--feature: expected one of a part, got 'edge 99'"), ("left", "'edge 4'")]
+    ("feature", "message"), [("edge 99", "--feature: expected one of a part, got 'edge 99'"), ("left", "'edge 4'")]
 )
-def test_a_feature_that_is_not_there_is_misuse(run, feature, says):
+def test_a_feature_that_is_not_there_is_misuse(run, feature, message):
     got = run("plan", "--part", BRACKET, "--tolerance", "0.5mm", "--sd", "0.1mm", "--feature", feature)
     assert got.code == 2
-    assert says in got.err
+    assert message in got.err

@@ -50,7 +50,7 @@ def test_a_prior_pose_decides_what_touches_leave_open(locate, tmp_path):
         assert np.linalg.norm(gap[3:]) < 0.02
 
 
-def test_the_answer_says_what_was_taken_as_known(locate):
+def test_the_answer_states_its_prior(locate):
     result = locate("--pose-prior", NEAR, "--table", "20+-1mm", "--box", "200,0,0,400,300,100mm")
     (line,) = [line for line in result.out.splitlines() if line.startswith("  known")]
     assert line.split(maxsplit=1)[1] == (
@@ -99,7 +99,7 @@ def test_misuse(locate, tmp_path, monkeypatch, args, code, message):
 
 
 def test_what_is_not_known_for_certain_is_a_warning(locate, corner, tmp_path):
-    """An angle convention that nobody looked up; a sensor of which nothing is known, though its name nearly is."""
+    """An unverified angle convention; a sensor without known errors, though its name is nearly a known one."""
     warned = locate("--pose-prior", "epson 300,100,20,30,0,0 +- 3mm 3deg")
     assert "--pose-prior: the angle convention of epson (X Y Z U V W) was not verified" in warned.err
     path = tmp_path / "near.toml"

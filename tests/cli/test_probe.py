@@ -59,7 +59,7 @@ def test_a_machine_at_an_address_gets_its_frame(run, cell, kind, frame, tmp_path
     assert np.allclose(fake.modal.offsets[2], [0.101, 0.099, 0.0005], atol=2e-4)
 
 
-def test_a_machine_needs_its_probe_and_its_room(run):
+def test_a_machine_needs_its_probe_and_its_workspace(run):
     assert "--tip-radius" in probe(run, "grbl://127.0.0.1:9").err
     assert "--workspace" in probe(run, "grbl://127.0.0.1:9", "--tip-radius", "1mm").err
 
@@ -89,17 +89,17 @@ def test_an_unreached_tolerance_is_not_written(run, tmp_path):
 def test_a_session_is_followed_on_a_page(run, monkeypatch):
     """The page is drawn after every reading, and ends with Ctrl-C; standard output stays the machine's."""
     pytest.importorskip("viser", reason="the extra tanteo[viewer] is not installed")
-    said = []
-    say = import_module("tanteo.render.live.page").LivePage.set_text
+    shown = []
+    show_text = import_module("tanteo.render.live.page").LivePage.set_text
     monkeypatch.setattr(
-        "tanteo.render.live.page.LivePage.set_text", lambda page, *words: said.append(words) or say(page, *words)
+        "tanteo.render.live.page.LivePage.set_text", lambda page, *words: shown.append(words) or show_text(page, *words)
     )
     monkeypatch.setattr("tanteo.cli.looking.until_interrupted", lambda: None)
     result = probe(run, "fake:direct", "--live", "--no-open", "--pose-prior", PRIOR, "--as", "matrix")
     assert result.code == 0
     assert "Live page: http://127.0.0.1:" in result.err
     assert "viser" not in result.out
-    assert sum(place == "bars" for place, _ in said) == 1 + result.err.count("hit after")
+    assert sum(place == "bars" for place, _ in shown) == 1 + result.err.count("hit after")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="other systems have no such signals")
@@ -133,7 +133,7 @@ def test_a_signal_stops_the_machine_and_keeps_the_readings(run, cell, name, tmp_
 
 
 def press(fake, seconds: float = 0.5) -> None:
-    """Push the stylus once, some time after the command has begun to ask for it."""
+    """Push the stylus once, some time after the command has begun to wait for it."""
     while not fake.received:
         time.sleep(0.01)
     time.sleep(1.0)

@@ -1,4 +1,4 @@
-"""The command on recordings of ROS: a sensor that moves past a part, with a delay that its motion tells."""
+"""The command on recordings of ROS: a sensor that moves past a part, with a delay that its motion determines."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ T_WORLD_PART = SE3.from_parts(SO3.axis_rotation(2, 0.6), np.array([0.42, -0.13, 
 
 
 def sensor_at(t, part):
-    """It swings about the part at 0.1 to 0.4 m/s and looks at its middle, from above and from two sides."""
+    """Return the pose of a sensor that swings about the part at 0.1 to 0.4 m/s, directed at its middle."""
     turn = np.array([0.9 * np.sin(1.3 * t), 0.8 * np.sin(1.9 * t), 0.0])
-    look = SO3.exp(turn) @ np.array([0.0, 0.0, -1.0])
+    beam = SO3.exp(turn) @ np.array([0.0, 0.0, -1.0])
     wanders = 0.025 * np.array([np.sin(2.9 * t), np.cos(2.3 * t), np.sin(1.7 * t)])
     middle = SE3.apply(T_WORLD_PART, part.centroid) + wanders
-    return SE3.from_parts(SO3.frame_from_axis(look, 0), middle - 0.2 * look)
+    return SE3.from_parts(SO3.frame_from_axis(beam, 0), middle - 0.2 * beam)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def identified(recorded, capsys, *more):
     return end.value.code, captured.out, captured.err
 
 
-def test_a_delay_is_told_by_the_motion(recorded, capsys):
+def test_the_motion_determines_a_delay(recorded, capsys):
     _, _, err = identified(recorded, capsys)
     assert "older than taken: say --latency 1" in err
     latency = float(err.split("say --latency ")[1].split("ms")[0])

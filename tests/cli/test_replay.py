@@ -1,4 +1,4 @@
-"""``tanteo replay``: the answer again, whether it is the same, and what each reading told."""
+"""``tanteo replay``: the same answer again, and the gain of each reading."""
 
 from __future__ import annotations
 
@@ -47,17 +47,17 @@ def test_the_answer_is_given_again(run, session, record):
     assert not spoken.err
 
 
-def test_it_says_what_each_reading_told(run, session, record):
+def test_it_explains_each_reading(run, session, record):
     spoken = run("replay", record, "--explain").out
     assert "Information of each reading" in spoken
     assert "Readings that determine the pose of my wedge" in spoken
     for k in range(session.count):
         assert f"a{k + 1} " in spoken
-    told = json.loads(run("replay", record, "--explain", "--json").out)["explanation"]
-    assert told["schema"] == "tanteo.explanation/1"
-    assert [a["readings"] for a in told["added"]] == [[f"a{k + 1}"] for k in range(session.count)]
-    assert len(told["directions"]) == 6
-    for d in told["directions"]:
+    explained = json.loads(run("replay", record, "--explain", "--json").out)["explanation"]
+    assert explained["schema"] == "tanteo.explanation/1"
+    assert [a["readings"] for a in explained["added"]] == [[f"a{k + 1}"] for k in range(session.count)]
+    assert len(explained["directions"]) == 6
+    for d in explained["directions"]:
         assert sum(d["shares"].values()) + d["prior"] == pytest.approx(1)
 
 
@@ -92,7 +92,7 @@ def test_another_answer_than_the_recorded_one_is_an_error(run, record):
     assert "hypotheses[0].probability" in done.err
 
 
-def test_parts_are_looked_for_where_they_are_now(run, parts, record, tmp_path):
+def test_parts_are_read_from_their_present_place(run, parts, record, tmp_path):
     parts.rename(tmp_path / "elsewhere")
     lost = run("replay", record)
     assert lost.code == 1

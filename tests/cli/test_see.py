@@ -1,4 +1,4 @@
-"""``tanteo see``: the example images as a new user would look at them, and what is refused."""
+"""``tanteo see``: the example images as a new user opens them, and what is refused."""
 
 from __future__ import annotations
 
@@ -128,5 +128,5 @@ def test_what_a_camera_file_lacks_is_assumed_with_a_warning(run, tmp_path, close
     got = run("see", image, *words, "--parts", EXAMPLES / "parts" / "flange.step")
     assert got.err.count("warning: ") == 3
     warnings = " ".join(json.loads(got.out)["warnings"])
-    for said in (f"{SIZE} x {SIZE} pixels, as the image", "no projection_matrix", "the skew of the camera matrix is"):
-        assert said in warnings
+    for phrase in (f"{SIZE} x {SIZE} pixels, as the image", "no projection_matrix", "the skew of the camera matrix is"):
+        assert phrase in warnings

@@ -24,8 +24,8 @@ def test_a_plane_in_words(capsys):
     code, out, err = run(capsys, "plane", "--scene", SCENE, "-v")
     assert (code, err) == (0, "")
     assert out.startswith("acquired: plane at x ")
-    said = "mm, outward normal (", "in the world", "mm along the normal", "deg about x", "80 ranges of front_left"
-    for words in (*said, "s simulated", "the stand-off was 20 mm", "look"):
+    phrases = "mm, outward normal (", "in the world", "mm along the normal", "deg about x", "80 ranges of front_left"
+    for words in (*phrases, "s simulated", "the stand-off was 20 mm", "look"):
         assert words in out
 
 

@@ -1,4 +1,4 @@
-"""``tanteo sense part --image``: a session that starts from what a camera sees."""
+"""``tanteo sense part --image``: a session that starts from a camera image."""
 
 import json
 from pathlib import Path
@@ -20,7 +20,7 @@ def sense(run):
     return lambda *options, scene=SCENE: run("sense", "part", "--scene", str(scene), *PARTS, *options)
 
 
-def test_the_image_says_where_and_the_hand_says_which(sense):
+def test_the_image_gives_the_pose_and_the_hand_the_part(sense):
     """No prior pose: the camera alone sends the hand; few readings are left to make."""
     code, out, err = sense("--image", "render", "--json")
     assert code == 0
@@ -35,7 +35,7 @@ def test_the_image_says_where_and_the_hand_says_which(sense):
 
 
 def test_an_image_from_a_file_and_a_camera_of_its_own(sense):
-    """The picture is of another place, where there is nothing to be read: the hand goes there all the same."""
+    """The picture shows another place, where no reading is possible: the hand goes there all the same."""
     image = str(EXAMPLES / "images" / "twins.png")
     code, _, err = sense("--image", image, *CAMERA, *MARKS, "--max-measurements", "1")
     assert code == 3
@@ -94,7 +94,7 @@ def feature(run):
 
 
 def test_a_face_is_gone_to_where_the_image_puts_it(feature):
-    """The hand starts out of range of everything; what it senses is where the image said, within both spreads."""
+    """The hand starts out of range of everything; the sensed place agrees with the image, within both spreads."""
     code, out, err = feature("plane", *PARTS, "--image", "render", "--json")
     assert code == 0
     assert "The hand goes to face 6 of step_12mm, P = 0." in err

@@ -53,7 +53,7 @@ def test_json_is_one_document_and_the_record_gives_it_again(sense, tmp_path):
     assert document["status"] == "recognized"
     best = document["hypotheses"][0]
     assert best["part"] == "bracket_left"
-    # the scene has it at (-25, -50, 0) mm, turned by 14 degrees; not farther away than what is said of the pose allows
+    # the scene has it at (-25, -50, 0) mm, turned by 14 degrees; no farther away than the stated prior allows
     true = SE3.from_parts(SO3.exp(np.radians([0, 0, 14])), [-0.025, -0.05, 0])
     matrix = np.array(best["pose"]["matrix"])
     xi = SE3.log(SE3.inverse(matrix) @ true)
@@ -76,7 +76,7 @@ def test_what_is_not_reached_exits_with_three(sense):
     assert "The limit of readings is reached: 1 was allowed" in out
 
 
-def test_what_is_assumed_beforehand_can_be_said(sense, tmp_path):
+def test_the_prior_can_be_stated(sense, tmp_path):
     record = tmp_path / "session.json"
     document = json.loads(
         sense(
@@ -148,7 +148,7 @@ def test_a_scene_without_a_rough_place_needs_one_from_options(run):
     assert run("sense", "part", "--scene", scene, *PARTS, "--prior", str(prior))[0] == 1
 
 
-def test_an_interruption_leaves_the_record_of_what_was_told(sense, run, tmp_path, monkeypatch):
+def test_an_interruption_keeps_the_record_of_the_readings(sense, run, tmp_path, monkeypatch):
     def interrupt(visit, *, verbose):
         if visit.step is not None and visit.step.ids:
             raise KeyboardInterrupt
@@ -166,17 +166,17 @@ def test_an_interruption_leaves_the_record_of_what_was_told(sense, run, tmp_path
 
 @pytest.mark.parametrize("suffix", ["json", "csv"])
 def test_the_record_is_there_before_the_end(sense, tmp_path, monkeypatch, suffix):
-    """Who is killed or loses power has what was told until then."""
+    """A killed process or a power loss keeps all readings up to then."""
     record = tmp_path / f"session.{suffix}"
     counts = []
 
-    def look(visit, *, verbose):
+    def print_visit(visit, *, verbose):
         if visit.step is not None and visit.step.ids:
             kept = read_readings(record) if suffix == "csv" else read_record(record).readings
             counts.append(len(kept))
         return []
 
-    monkeypatch.setattr("tanteo.render.visit_lines", look)
+    monkeypatch.setattr("tanteo.render.visit_lines", print_visit)
     sense("--max-measurements", "1", "--record", str(record))
     assert counts
     assert counts[0] > 0

@@ -36,7 +36,7 @@ def test_list_has_every_name_with_its_verification(run):
 
 
 @pytest.mark.parametrize("name", sensor_presets())
-def test_show_tells_every_sensor(run, name):
+def test_show_describes_every_sensor(run, name):
     result = run("sensor", "show", name)
     assert (result.code, result.err) == (0, "")
     preset = sensor_presets()[name]
@@ -53,7 +53,7 @@ def test_the_table_of_noise_is_the_model_s(run):
     np.testing.assert_allclose([float(x) for x in row], 1e3 * np.array(expected), rtol=6e-3)
 
 
-def test_show_tells_a_robot(run):
+def test_show_describes_a_robot(run):
     result = run("sensor", "show", "xarm")
     assert "absolute  1 mm" in result.out
     assert result.code == 0
@@ -72,7 +72,7 @@ def test_pictures_are_drawn(run, tmp_path):
     assert file.read_bytes().startswith(b"\x89PNG")
 
 
-def test_pictures_without_matplotlib_say_what_to_install(run, tmp_path, monkeypatch):
+def test_pictures_without_matplotlib_name_the_package(run, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     result = run("sensor", "show", "vl53l0x", "--picture", tmp_path / "x.png")
@@ -130,7 +130,7 @@ def test_fit_without_a_rig_needs_nothing(run):
     np.testing.assert_allclose(np.array(document["beams"][0]["matrix"])[:3, 2], TRUE_BEAM, atol=0.02)
 
 
-def test_a_log_that_does_not_tell_ends_with_3_and_writes_nothing(run, tmp_path):
+def test_an_uninformative_log_exits_3_and_writes_nothing(run, tmp_path):
     readings = read_readings(LOG)
     one = np.repeat(readings.Ts_world_hand[:1], 60, axis=0)
     one[:, :3, 3] += np.random.default_rng(0).uniform(-0.05, 0.05, (60, 3)) * [1, 1, 0]

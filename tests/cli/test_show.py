@@ -21,7 +21,7 @@ def tanteo_process(*args, **options):
     return subprocess.run([*TANTEO, *map(str, args)], capture_output=True, text=True, timeout=120, **options)
 
 
-def test_show_tells_what_was_read(run, parts):
+def test_show_describes_the_readings(run, parts):
     result = run("part", "show", parts / "wedge.stl", "--units", "mm")
     assert (result.code, result.err) == (0, "")
     lines = result.out.splitlines()
@@ -83,7 +83,7 @@ def test_ctrl_c_is_130_without_traceback(run, parts, monkeypatch):
     assert "Traceback" not in result.err
 
 
-def test_our_own_mistakes_are_not_hidden(run, parts, monkeypatch):
+def test_internal_errors_are_not_hidden(run, parts, monkeypatch):
     """Only what tanteo raises on purpose becomes a message: a bug must show."""
 
     def broken(*_, **__):
@@ -95,7 +95,7 @@ def test_our_own_mistakes_are_not_hidden(run, parts, monkeypatch):
 
 
 def on_terminal(args, **env):
-    """Standard output and error of a process that sees a terminal."""
+    """Return standard output and error of a process that runs in a terminal."""
     reader, writer = pty.openpty()
     clean = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR", "TERM")}
     process = subprocess.Popen(
@@ -106,7 +106,7 @@ def on_terminal(args, **env):
     while True:
         try:
             piece = os.read(reader, 65536)
-        except OSError:  # Linux says EIO at the end of a terminal
+        except OSError:  # Linux returns EIO at the end of a terminal
             break
         if not piece:
             break

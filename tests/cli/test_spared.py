@@ -1,4 +1,4 @@
-"""No command writes over what it reads, and none goes on without a part that was asked for by name."""
+"""No command overwrites its input, and none goes on without a part that the user named."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_link_to_nowhere_in_folder_is_part_that_cannot_be_read(run, parts, tmp
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="no terminals that hang up")
-def test_a_terminal_that_has_gone_does_not_lose_what_was_told(tmp_path):
+def test_a_closed_terminal_loses_no_readings(tmp_path):
     scene, record = EXAMPLES / "scenes" / "part_unknown.toml", tmp_path / "session.json"
     parts = [str(EXAMPLES / "parts" / f"bracket_{side}.step") for side in ("left", "right")]
     words = ["sense", "part", "--scene", str(scene), "--parts", *parts, "--tolerance", "0.1mm", "--record", str(record)]
@@ -103,7 +103,7 @@ def test_who_does_not_want_to_hear_of_it_goes_on():
         signal.signal(signal.SIGHUP, before)
 
 
-def test_a_rig_in_metres_is_asked_about(run, tmp_path):
+def test_a_rig_in_metres_raises_a_question(run, tmp_path):
     rig = tmp_path / "rig.toml"
     text = '[sensors.eye]\npreset = "vl53l0x"\nposition_{} = [0.04, 0, 0.06]\ndirection = [0, 0, 1]\n'
     rig.write_text(text.format("mm"))
@@ -115,12 +115,12 @@ def test_a_rig_in_metres_is_asked_about(run, tmp_path):
 
 
 def test_a_column_in_capitals_is_taken_for_the_same_one(run, parts, tmp_path):
-    said = []
+    messages = []
     for header in ("x_mm,y_mm,z_mm", "X_MM,Y_mm,Z_Mm"):
         (tmp_path / "r.csv").write_text(f"{header}\n0,0,0\n")
-        said.append(run("identify", tmp_path / "r.csv", "--sd", "1mm", "--units", "mm", "--parts", parts))
-    assert said[0] == said[1]
-    assert said[0].code == 3
+        messages.append(run("identify", tmp_path / "r.csv", "--sd", "1mm", "--units", "mm", "--parts", parts))
+    assert messages[0] == messages[1]
+    assert messages[0].code == 3
 
 
 def test_a_link_that_leads_in_a_circle_is_replaced(run, parts, tmp_path):

@@ -1,4 +1,4 @@
-"""Files to write are asked for before the long work, and streams that end are no reason to lose them."""
+"""Output files are checked before the long work, and they survive a closed stream."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PLAN = ("plan", "--part", "none.stl", "--units", "mm", "--sd", "1mm", "--toleran
         (f"{'x' * 5000}.html", "File name too long", 1),
     ],
 )
-def test_what_cannot_be_written_is_said_beforehand(run, tmp_path, name, message, code):
+def test_unwritable_targets_are_reported_beforehand(run, tmp_path, name, message, code):
     (tmp_path / "folder.html").mkdir()
     result = run("identify", "none.csv", "--parts", "none.stl", "--report", tmp_path / name)
     assert (result.code, result.out) == (code, "")
@@ -60,7 +60,7 @@ def test_a_reader_that_has_gone_costs_no_file(parts, tmp_path):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
-def test_a_full_disk_is_said(parts):
+def test_a_full_disk_is_reported(parts):
     args = ["part", "show", str(parts / "wedge.stl"), "--units", "mm", "--json"]
     with open("/dev/full", "w", encoding="utf-8") as full:
         done = subprocess.run([*PROGRAM, *args], stdout=full, stderr=subprocess.PIPE, text=True, check=False)

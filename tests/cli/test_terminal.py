@@ -1,4 +1,4 @@
-"""What a terminal sees: tables as wide as it is, completion, progress on standard error alone."""
+"""Output on a terminal: tables as wide as the terminal, completion, progress on standard error alone."""
 
 from __future__ import annotations
 
@@ -38,32 +38,34 @@ def test_what_the_commands_print_fits(run, parts, terminal, columns):
 
 
 def test_sentences_are_folded_between_words_on_a_terminal_only(capsys, terminal):
-    said = "  part        wedge, with its frame at the world's, to 5 mm and 3 deg (--pose-prior states another pose)"
-    printing.emit([said, "short"])
-    assert capsys.readouterr().out == f"{said}\nshort\n"
+    expected_text = (
+        "  part        wedge, with its frame at the world's, to 5 mm and 3 deg (--pose-prior states another pose)"
+    )
+    printing.emit([expected_text, "short"])
+    assert capsys.readouterr().out == f"{expected_text}\nshort\n"
     terminal(40)
-    printing.emit([said, "\x1b[1mthirty-nine letters are no fortieth one\x1b[0m"])
+    printing.emit([expected_text, "\x1b[1mthirty-nine letters are no fortieth one\x1b[0m"])
     first, *more, last = capsys.readouterr().out.splitlines()
     assert max(map(len, (first, *more))) <= 40
     assert all(line.startswith("    ") for line in more)
-    assert " ".join([first, *(line.strip() for line in more)]).split() == said.split()
+    assert " ".join([first, *(line.strip() for line in more)]).split() == expected_text.split()
     assert last == "\x1b[1mthirty-nine letters are no fortieth one\x1b[0m"
 
 
 def shell(variables, *args):
-    """The program as a shell's completion calls it."""
+    """Return the program for the completion of a shell."""
     code = [sys.executable, "-c", "from tanteo.cli import main; main()", *args]
     return subprocess.run(code, env=os.environ | variables, capture_output=True, text=True, timeout=60)
 
 
 def complete(line):
-    """What bash is offered for the word at the end of a line."""
+    """Return the completions of bash for the word at the end of a line."""
     words = line.split(" ")
     got = shell({"_TANTEO_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)})
     return got.stdout.split()
 
 
-def test_completion_knows_commands_options_and_presets():
+def test_completion_has_commands_options_and_presets():
     assert {"identify", "locate", "sensor", "doctor"} <= set(complete("tanteo "))
     assert complete("tanteo iden") == ["identify"]
     assert "--report" in complete("tanteo locate --re")

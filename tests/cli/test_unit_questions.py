@@ -1,4 +1,4 @@
-"""Units that were mixed up are asked about on the command line."""
+"""Mixed-up units raise a question on the command line."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ def touches(tmp_path, unit):
     return path
 
 
-def test_inches_that_are_millimetres_are_an_error_that_asks(run, parts, tmp_path):
+def test_millimetres_stated_as_inches_raise_a_question(run, parts, tmp_path):
     path = touches(tmp_path, "in")
     result = run("locate", path, "--part", parts / "wedge.stl", "--units", "mm", "--sd", "0.1mm")
     assert result.code == 1
     assert "Did you mean --units in or columns in mm (x_mm)?" in result.err
 
 
-def test_a_part_read_in_inches_is_asked_about_when_nothing_fits(run, parts, tmp_path):
+def test_a_part_in_inches_raises_a_question_if_nothing_fits(run, parts, tmp_path):
     path = touches(tmp_path, "mm")
     wrong = run("locate", path, "--part", parts / "wedge.stl", "--units", "in", "--sd", "0.1mm")
     assert wrong.code == 3

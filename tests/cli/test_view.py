@@ -1,4 +1,4 @@
-"""``tanteo view``: what is refused, what is said without viser, and that scene, example and record become a page."""
+"""``tanteo view``: what is refused, the message without viser, and the pages of scene, example and record."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_refusals(run, there, options, message):
     assert message in result.err
 
 
-def test_without_viser_it_says_what_to_install(run, monkeypatch):
+def test_without_viser_it_names_the_package(run, monkeypatch):
     monkeypatch.setattr("tanteo.cli.view.find_spec", lambda name: None)
     result = run("view")
     assert (result.code, result.out) == (1, "")
@@ -114,7 +114,7 @@ def test_a_record_is_shown_step_by_step(run, opened, tmp_path):
     "options",
     [("--unknown-prior", "1%"), ("--pose-prior", "garbage"), ("--bare",), ("--tolerance", "1mm"), ("--seed", "0")],
 )
-def test_a_record_has_no_use_for_what_a_session_is_told(run, tmp_path, options):
+def test_a_record_refuses_options_of_a_session(run, tmp_path, options):
     code, out, err = run("view", str(tmp_path / "s.json"), "--no-open", *options)
     assert (code, out) == (2, "")
     assert f"{options[0]}: expected with a scene, got it with a record" in err

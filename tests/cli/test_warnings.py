@@ -22,8 +22,8 @@ def touches(tmp_path):
     return file
 
 
-def told(run, *words):
-    """The warnings of the document, which are those on standard error."""
+def warnings_of(run, *words):
+    """Return the warnings of the document, which equal those on standard error."""
     result = run(*words, "--json")
     assert result.out, result.err
     found = json.loads(result.out).get("warnings", [])
@@ -32,9 +32,9 @@ def told(run, *words):
 
 
 def test_a_part_that_could_not_be_read(run, parts, touches):
-    assert told(run, "identify", touches, "--parts", parts, "--units", "mm") == []
+    assert warnings_of(run, "identify", touches, "--parts", parts, "--units", "mm") == []
     (parts / "broken.stl").write_text("no mesh")
-    (warning,) = told(run, "identify", touches, "--parts", parts, "--units", "mm")
+    (warning,) = warnings_of(run, "identify", touches, "--parts", parts, "--units", "mm")
     assert "broken.stl" in warning
 
 
@@ -42,10 +42,10 @@ def test_a_folder_within_the_folder(run, parts, touches):
     (parts / "old").mkdir()
     (parts / "empty").mkdir()
     (parts / "wedge.stl").rename(parts / "old" / "wedge.stl")
-    (warning,) = told(run, "identify", touches, "--parts", parts, "--units", "mm")
+    (warning,) = warnings_of(run, "identify", touches, "--parts", parts, "--units", "mm")
     words = "1 CAD file in it is not read, because subfolders are not searched. Name it, too."
     assert warning == f"{parts / 'old'}: {words}"
-    assert told(run, "identify", touches, "--parts", parts, "--parts", parts / "old", "--units", "mm") == []
+    assert warnings_of(run, "identify", touches, "--parts", parts, "--parts", parts / "old", "--units", "mm") == []
     (parts / "block.stl").rename(parts / "old" / "block.stl")
     code, _, err = run("identify", touches, "--parts", parts, "--units", "mm")
     assert code == 1
@@ -55,22 +55,22 @@ def test_a_folder_within_the_folder(run, parts, touches):
 def test_a_unit_instead_of_that_of_the_file(run, touches, parts):
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
     part = EXAMPLES / "parts" / "wedge.step"
-    (warning, *_) = told(run, "locate", touches, "--part", part, "--units", "in")
+    (warning, *_) = warnings_of(run, "locate", touches, "--part", part, "--units", "in")
     assert warning.startswith(f"{part}: Read in in as requested: the file itself states mm.")
-    assert told(run, "locate", touches, "--part", part, "--units", "millimetres") == []
+    assert warnings_of(run, "locate", touches, "--part", part, "--units", "millimetres") == []
     step = parts / "x.step"
     step.write_bytes(part.read_bytes())
-    (warning, *_) = told(run, "identify", touches, "--parts", parts, "--units", "in")
+    (warning, *_) = warnings_of(run, "identify", touches, "--parts", parts, "--units", "in")
     assert warning == f"--units in applies to files without a unit. Others keep their own: {step} in mm."
 
 
-def test_a_command_does_not_tell_the_warnings_of_the_one_before(run, parts, touches):
+def test_a_command_repeats_no_warnings_of_the_one_before(run, parts, touches):
     (parts / "broken.stl").write_text("no mesh")
-    assert len(told(run, "identify", touches, "--parts", parts, "--units", "mm")) == 1
-    assert told(run, "locate", touches, "--part", parts / "wedge.stl", "--units", "mm") == []
+    assert len(warnings_of(run, "identify", touches, "--parts", parts, "--units", "mm")) == 1
+    assert warnings_of(run, "locate", touches, "--part", parts / "wedge.stl", "--units", "mm") == []
 
 
-def test_a_hand_says_it_too(run, tmp_path):
+def test_a_hand_warns_too(run, tmp_path):
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
     (tmp_path / "wedge.step").write_bytes((EXAMPLES / "parts/wedge.step").read_bytes())
     (tmp_path / "broken.step").write_text("ISO-10303-21;\n")
@@ -84,21 +84,21 @@ def test_a_hand_says_it_too(run, tmp_path):
         "--max-measurements",
         "1",
     ]
-    (warning,) = told(run, *words)
+    (warning,) = warnings_of(run, *words)
     assert "broken.step" in warning
 
 
 def test_a_mesh_far_from_its_origin(run, touches, tmp_path, parts):
     mesh, far = trimesh.load(parts / "wedge.stl"), tmp_path / "far.stl"
-    for away, said in ((1e5, 1), (1e4, 0)):
+    for away, count in ((1e5, 1), (1e4, 0)):
         mesh.vertices = np.array(trimesh.load(parts / "wedge.stl").vertices) + np.array([away, 0, 0])
         mesh.export(far)
-        warnings = told(run, "locate", touches, "--part", far, "--units", "mm")
-        assert sum("single precision resolves" in w for w in warnings) == said
+        warnings = warnings_of(run, "locate", touches, "--part", far, "--units", "mm")
+        assert sum("single precision resolves" in w for w in warnings) == count
 
 
 def test_a_folder_that_may_not_be_read(run, parts, touches, monkeypatch):
-    """It is said, without a traceback; root may read all, so that the system's answer is played."""
+    """It is reported, without a traceback; root may read all, so the test simulates the system's answer."""
     locked, real = parts / "locked", os.scandir
     locked.mkdir()
 
@@ -108,13 +108,13 @@ def test_a_folder_that_may_not_be_read(run, parts, touches, monkeypatch):
         return real(path)
 
     monkeypatch.setattr(os, "scandir", scandir)
-    assert told(run, "identify", touches, "--parts", parts, "--units", "mm") == []
+    assert warnings_of(run, "identify", touches, "--parts", parts, "--units", "mm") == []
     code, out, err = run("identify", touches, "--parts", locked, "--units", "mm", "--report", parts / "r.html")
     assert (code, out) == (1, "")
     assert "expected a folder that may be read" in err
 
 
-def test_a_file_that_says_inches_and_holds_millimetres(run, tmp_path):
+def test_a_file_that_states_inches_but_contains_millimetres(run, tmp_path):
     box = trimesh.creation.box((80, 60, 50))
     rows = "".join('<vertex x="{}" y="{}" z="{}"/>'.format(*v) for v in box.vertices)
     corners = "".join('<triangle v1="{}" v2="{}" v3="{}"/>'.format(*t) for t in box.faces)

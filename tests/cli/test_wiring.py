@@ -26,7 +26,7 @@ def readings(tmp_path):
 
 @pytest.fixture
 def identified(monkeypatch):
-    """A stand-in for the search: records what it is asked and answers with a given status."""
+    """A stand-in for the search: it records its arguments and answers with a given status."""
     calls = []
 
     def answer(status="recognized"):

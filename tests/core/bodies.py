@@ -56,7 +56,7 @@ class Body:
         return _core.make_shape(*arrays, *(np.ascontiguousarray(a) for a in rest), cells)
 
     def moved(self, T):
-        """The same in another frame."""
+        """Return the same body in another frame."""
         R, t = T[:3, :3], T[:3, 3]
         profiles = self.profiles.copy()
         profiles[:, :3], profiles[:, 3:6] = profiles[:, :3] @ R.T + t, profiles[:, 3:6] @ R.T
@@ -80,7 +80,7 @@ class Body:
         )  # fmt: skip
 
     def split(self):
-        """Every triangle as four, by the middles of its sides."""
+        """Return the mesh with every triangle split into four at the middles of its sides."""
         corners = self.vertices[self.triangles]
         middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
         points = np.concatenate([corners, middles], axis=1).reshape(-1, 3)
@@ -95,7 +95,7 @@ class Body:
 
 
 def prism(outline, height):
-    """A prism on an outline that runs counter-clockwise ``(n, 2)``; its last two faces are bottom and top."""
+    """Return a prism on an outline that runs counter-clockwise ``(n, 2)``; its last two faces are bottom and top."""
     outline, n = np.asarray(outline, dtype=float), len(outline)
     low, high = (np.column_stack([outline, np.full(n, z)]) for z in (0.0, height))
     ears = _ears(outline)
@@ -130,7 +130,7 @@ def _ears(outline):
 
 
 def revolved(path, faces, rows, profiles, n):
-    """A path ``(k, 2)`` of radius and height about z, the material on its left, in ``n`` segments."""
+    """Return the body of a path ``(k, 2)`` of radius and height about z, material on its left, ``n`` segments."""
     k, phi = len(path), 2 * np.pi * np.arange(n) / n
     vertices = np.stack([
         path[:, :1] * np.cos(phi), path[:, :1] * np.sin(phi), np.broadcast_to(path[:, 1:], (k, n))
@@ -161,7 +161,7 @@ def cylinder(radius=0.03, height=0.05, n=12):
 
 
 def cone(radius=0.04, height=0.06, cut=0.03, n=12):
-    """A cone, its tip cut off: the apex is at the given height over the base."""
+    """Return a truncated cone; the height of the apex over the base is given."""
     top = radius * (1 - cut / height)
     path = np.array([[0, 0], [radius, 0], [top, cut], [0, cut]])
     row = [0, 0, height, 0, 0, 1, 0, -np.arctan(radius / height), 0, 1, np.cos(1.5 * 2 * np.pi / n)]
@@ -199,7 +199,7 @@ def tent(low=0.0, radius=0.04, height=0.03, n=6):
 
 
 def wedge_profile(rng):
-    """A slanted outline of five corners."""
+    """Return a slanted outline of five corners."""
     angles = np.sort(rng.uniform(0, 1, 5)) * 0.6 + np.arange(5)
     return 0.045 * np.column_stack([np.cos(angles * 2 * np.pi / 5), np.sin(angles * 2 * np.pi / 5)])
 
@@ -216,5 +216,5 @@ def flat_bodies():
 
 
 def round_bodies():
-    """One of every kind of surface."""
+    """Return one body for every kind of surface."""
     return {"cylinder": cylinder(), "cone": cone(), "ball": ball(), "ring": ring()}

@@ -1,4 +1,4 @@
-"""What the core says of edges in images, in plain NumPy: which are seen, what they meet, the pose, slid drawings."""
+"""Image factors of the core in plain NumPy: visible edges, their hits, the pose, slid drawings."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class Scene:
     nearest: np.ndarray
 
     def frame(self, **others):
-        """The samples for the core."""
+        """Return the samples in the form of the core."""
         values = {k: getattr(self, k) for k in ("points", "tangents", "normals", "lengths", "sharp", "corners")}
         values.update(diagonal=DIAGONAL, middle=MIDDLE, slack=SLACK)
         return _core.make_edge_frame(**{**values, **others})
 
     @property
     def image(self):
-        """What the core asks of the image."""
+        """Return the columns of the image that the core needs."""
         return self.camera.numbers, self.nearest, self.pixels, self.sds
 
 
@@ -63,7 +63,7 @@ def scene(seed, lens):
 
 
 def see(s, Ts, hidden):
-    """Which samples are seen, and which of them are rims."""
+    """Return which samples are visible, and which visible samples are on the outline."""
     eye = SE3.inverse(Ts)[:, :3, 3]
     ahead = np.einsum("bnj,nkj->bnk", eye[:, None] - s.points, s.normals) > 0
     rims = ahead[..., 0] ^ ahead[..., 1]
@@ -78,7 +78,7 @@ def see(s, Ts, hidden):
 
 
 def crossed(corners, start, way, reach):
-    """Whether a ray meets a triangle before ``reach`` ways: it solves ``start + t way = a + u (b - a) + v (c - a)``."""
+    """Return whether a ray hits a triangle before ``reach``, by ``start + t way = a + u (b - a) + v (c - a)``."""
     a, b, c = np.moveaxis(corners, 1, 0)
     M = np.stack([np.broadcast_to(-way, a.shape), b - a, c - a], axis=-1)
     t, u, v = np.linalg.solve(M, (start - a)[..., None])[..., 0].T
@@ -111,8 +111,8 @@ def meet(s, Ts, shown, reach):
     normals = np.stack([-along[..., 1], along[..., 0]], axis=-1) / scale[..., None]
     point = s.nearest[channel_of(np.nan_to_num(normals)), row, column]
     gap = s.pixels[point] - at
-    off, aside = np.sum(gap * normals, axis=-1), np.abs(gap[..., 0] * normals[..., 1] - gap[..., 1] * normals[..., 0])
-    hits = within & (point >= 0) & (np.abs(off) < reach) & (aside < max(2.0, 0.5 * reach))
+    off, across = np.sum(gap * normals, axis=-1), np.abs(gap[..., 0] * normals[..., 1] - gap[..., 1] * normals[..., 0])
+    hits = within & (point >= 0) & (np.abs(off) < reach) & (across < max(2.0, 0.5 * reach))
     by = np.einsum("bni,bnij->bnj", normals, J)
     jacobian = np.concatenate([by, np.cross(s.points, by)], axis=-1)
     which = np.where(hits, point, -1)
@@ -122,22 +122,22 @@ def meet(s, Ts, shown, reach):
     )  # fmt: skip
 
 
-def normal_equations(met, reach, bias, correlation):
+def normal_equations(hits, reach, bias, correlation):
     """Information and gradient of the offsets under a redescending weight (Tukey 1960)."""
-    sd2 = met.sds**2 + bias**2 + (0.25 * reach) ** 2
-    robust = np.where(met.hits, (1 - (met.offsets / (1.01 * reach)) ** 2) ** 2, 0.0)
-    w = np.where(met.hits, robust * met.spans / correlation / sd2, 0.0)
-    J = np.where(met.hits[..., None], met.jacobian, 0.0)
+    sd2 = hits.sds**2 + bias**2 + (0.25 * reach) ** 2
+    robust = np.where(hits.hits, (1 - (hits.offsets / (1.01 * reach)) ** 2) ** 2, 0.0)
+    w = np.where(hits.hits, robust * hits.spans / correlation / sd2, 0.0)
+    J = np.where(hits.hits[..., None], hits.jacobian, 0.0)
     JW = np.swapaxes(J, -1, -2) * w[..., None, :]
-    return JW @ J, (JW @ met.offsets[..., None])[..., 0]
+    return JW @ J, (JW @ hits.offsets[..., None])[..., 0]
 
 
 def refine(s, Ts, starts, priors, rounds, bias, correlation):
     """Robust Gauss-Newton; the priors are on motions by the diagonal or a radian about the middle."""
     T, scale, shown = Ts, motion_scale(DIAGONAL, MIDDLE), None
     to_unit = np.linalg.inv(scale)
-    for reach, asked in rounds:
-        shown = see(s, T, True)[0] if asked else shown
+    for reach, wanted in rounds:
+        shown = see(s, T, True)[0] if wanted else shown
         A, g = normal_equations(meet(s, T, shown, reach), reach, bias, correlation)
         off = SE3.log(SE3.inverse(starts) @ T) @ to_unit.T
         A = scale.T @ A @ scale + priors
@@ -164,7 +164,7 @@ class Sliding:
     penalty: float
 
     def cells(self, pixels):
-        """Columns and rows of what is so far from a place; the end of the margin for what is beyond."""
+        """Return columns and rows at a distance from a place; the end of the margin for those beyond."""
         at = np.nan_to_num(pixels / self.cell + self.margin, nan=0.0)
         return np.rint(at.clip(0, 2 * self.margin - 1)).astype(int)
 

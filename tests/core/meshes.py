@@ -57,7 +57,7 @@ def _fins(body, rng):
 
 
 def _flat_triangles(body, rng):
-    """Some without an area: a corner twice, or three in a line."""
+    """Return some triangles without an area: a corner twice, or three in a line."""
     k = rng.integers(len(body.triangles), size=3)
     triangles, vertices = body.triangles.copy(), body.vertices
     triangles[k[0], 1] = triangles[k[0], 0]
@@ -68,7 +68,7 @@ def _flat_triangles(body, rng):
 
 
 def _coincident(body, rng):
-    """All vertices twice, triangles on one or the other."""
+    """Return a mesh with all vertices twice and triangles on one or the other copy."""
     n = len(body.vertices)
     return replace(
         body, vertices=np.concatenate([body.vertices] * 2),
@@ -101,7 +101,7 @@ DAMAGES = [
 
 
 def random_mesh(rng):
-    """A body or a soup, at any scale, damaged once or twice."""
+    """Return a random body or triangle soup, at any scale, damaged once or twice."""
     scale = 10.0 ** rng.integers(-6, 7)
     body = _soup(rng, scale) if rng.uniform() < 0.2 else _whole(rng, scale)
     for damage in rng.choice(len(DAMAGES), size=rng.integers(0, 3), replace=False):

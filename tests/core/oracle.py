@@ -1,7 +1,7 @@
-"""The likelihood once more, in plain NumPy, from its formulas: what the compiled core has to agree with.
+"""The likelihood again, in plain NumPy, from its formulas: the compiled core must agree with it.
 
-Every term is a sum over what a point may have met, of densities over that of an outlier. ``Cuts`` are the distances in
-standard deviations at which the core stops looking; without them the terms are as the mathematics has them.
+Every term is a sum over the faces, edges or corners that a point may be on, of densities relative to an outlier's.
+``Cuts`` are the distances in standard deviations at which the core stops the search; without them the terms are exact.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from core.oracle_shape import Flat, any_across, cast, flats_of, share, tangent_p
 
 @dataclass(frozen=True)
 class Cuts:
-    """Where the core stops looking, as documented in likelihood.cpp; ``box`` is of the boxes of its tree."""
+    """Cut-off distances of the core, as documented in likelihood.cpp; ``box`` refers to the boxes of its tree."""
 
     reach: float = 6.0
     seen: float = 5.0
@@ -37,7 +37,7 @@ class Cuts:
 
 
 EXACT = Cuts(np.inf, np.inf, 0.0, np.inf)
-GRAZING, CLEARLY, LOOKS_AWAY, BEHIND, IN_FRONT = 0.02, 0.1, 1e-6, 2e-22, 4.0
+GRAZING, CLEARLY, BACK_FACE, BLOCKED, IN_FRONT = 0.02, 0.1, 1e-6, 2e-22, 4.0
 
 
 class Oracle:
@@ -55,20 +55,20 @@ class Oracle:
         self.sagitta = self._sagitta()
 
     def log_density(self, T, z):
-        """Of everything, prior included."""
+        """Return the log density of the whole question, prior included."""
         hits = [self.hits(j, T, z) for j in range(len(self.q.points))]
         logs = [np.log(w) + self._log_at_rate(hits, r) for r, w in zip(self.q.rates, self.q.rate_weights, strict=True)]
         log = np.logaddexp.reduce(logs) + self.q.log_outlier.sum()
         return log + self.log_rays(T, z) + self.log_prior(T, z)
 
     def boxless(self):
-        """The same without boxes: the core's tree may or may not find flats whose box is farther than the reach."""
+        """Return the density without boxes: the core's tree may miss flats whose box is farther than the reach."""
         every = Oracle.__new__(Oracle)
         every.__dict__ = {**self.__dict__, "cuts": replace(self.cuts, box=np.inf)}
         return every
 
     def hits(self, j, T, z):
-        """Faces, edges or corners that a point may have met, with densities over that of an outlier."""
+        """Return the faces, edges or corners that a point may be on, with densities relative to an outlier's."""
         q, R = self.q, T[:3, :3]
         D = q.shared_jacobian.shape[2]
         p = R.T @ (q.points[j] + q.shared_jacobian[j] @ z[:D] - T[:3, 3])
@@ -122,7 +122,7 @@ class Oracle:
         return log + self._tilted(j, t.normal, R.T @ self.q.normals[j], C, t.bends)
 
     def _sagitta(self):
-        """How far the facets of round faces lie off them."""
+        """Return the distance between facets and the round faces that they approximate."""
         off = [abs(f.profile.distance(m)[0]) for f in self.flats if f.profile for m in f.middles]
         return max([min(1.1 * d, 0.05 * self.body.diagonal) for d in off], default=0.0)
 
@@ -130,29 +130,29 @@ class Oracle:
         return np.allclose(self.q.covs[j], self.q.covs[j][0, 0] * np.eye(3), rtol=0, atol=1e-9 * self.q.covs[j][0, 0])
 
     def _share(self, flat, p, C, n, gap):
-        """Of the noise in the plane, given how far along its normal it was off, what falls into the outline."""
+        """Return the truncated-normal mass in the outline, given the offset along the normal."""
         frame = np.stack([flat.u, flat.v])
         along = frame @ C @ n / (n @ C @ n)
         spread = frame @ C @ frame.T - np.outer(along, along) * (n @ C @ n)
         return share(flat.outline, frame @ (p - flat.origin) - along * gap, spread, self.cuts.seen)
 
     def _aimed(self, n, d, side):
-        """Undirected points are even over the area, on their side; a beam meets a face by the cosine of incidence."""
+        """Return the density by direction: uniform over the area for points, by the cosine of incidence for beams."""
         if not d.any():
-            return -np.log(self.area) + (np.log(LOOKS_AWAY) if n @ side < -CLEARLY else 0.0)
-        return np.log(max(-n @ d, GRAZING) if n @ d < 0 else LOOKS_AWAY)
+            return -np.log(self.area) + (np.log(BACK_FACE) if n @ side < -CLEARLY else 0.0)
+        return np.log(max(-n @ d, GRAZING) if n @ d < 0 else BACK_FACE)
 
     def _tilted(self, j, n, m, C, bends):
-        """A sensed normal: two tilts, each as uncertain as the sensor and as the surface where the point may be."""
+        """Return the density of a sensed normal: two tilts with the variances of sensor and surface."""
         if not m.any():
             return 0.0
-        log = np.log(BEHIND) if n @ m <= 0 else 0.0
+        log = np.log(BLOCKED) if n @ m <= 0 else 0.0
         for bend, e in bends:
             log += norm.logpdf(e @ m, scale=np.sqrt(self.q.normal_sds[j] ** 2 + bend**2 * (e @ C @ e)))
         return log
 
     def on_edges(self, j, p, C, R):
-        """Normal across a straight edge, even along it."""
+        """Return the density at edges: normal across a straight edge, uniform along it."""
         hits = []
         for k, (a, b) in enumerate(self.body.edges.reshape(-1, 2, 3)):
             d = (b - a) / self.lengths[k]
@@ -166,7 +166,7 @@ class Oracle:
         return hits
 
     def on_corners(self, j, p, C, R):
-        """Normal about each corner, all alike."""
+        """Return the density at corners: normal about each corner, equal in all directions."""
         hits, count = [], len(self.body.corners)
         for k, c in enumerate(self.body.corners):
             q = (p - c) @ np.linalg.solve(C, p - c)
@@ -176,7 +176,7 @@ class Oracle:
         return hits
 
     def on_axes(self, j, p, C, R):
-        """A centre of a circle: normal across the axis of a hole or boss, even along it; its radius, side and axis.
+        """Return the density of a circle's centre: normal across the axis, uniform along it; its radius, side and axis.
 
         That of a sphere, or an apex, is normal about a point; an apex is named by the one end of its axis.
         """
@@ -207,23 +207,23 @@ class Oracle:
             if m.any():  # half of the axes are named by their other end
                 tilts = frame @ m
                 log += norm.logpdf(tilts, scale=self.q.normal_sds[j]).sum() + (np.log(0.5) if line else 0.0)
-                log += np.log(BEHIND) if not line and d @ m <= 0 else 0.0
+                log += np.log(BLOCKED) if not line and d @ m <= 0 else 0.0
             hits.append((first - int(number), log))
         return hits
 
     def blocked(self, j, p, d, C):
-        """Whether all of five rays along the free-space ray before a hit meet the part early."""
+        """Return whether all of five rays along the free-space ray before a hit reach the part early."""
         if not (self.q.free_reach[j] > 0 and d.any()):
             return False
         sd = np.sqrt(d @ C @ d)
         free = self.q.free_reach[j] - IN_FRONT * sd - 0.01 * self.body.diagonal
         u = any_across(d)
         v = np.cross(d, u)
-        starts = [p - self.q.free_reach[j] * d + IN_FRONT * sd * aside for aside in (0 * u, u, v, -u, -v)]
+        starts = [p - self.q.free_reach[j] * d + IN_FRONT * sd * sideways for sideways in (0 * u, u, v, -u, -v)]
         return free > 0 and all(cast(self.body, s, d)[0] <= free for s in starts)
 
     def _log_at_rate(self, hits, rate):
-        """All points given the rate of outliers; points of one label are on one face, or contradict it."""
+        """Return the log density of all points at a rate of outliers; points of one label share a face."""
         groups, alone = self.q.groups, self.q.groups < 0
         density = np.array([sum(w for _, w in h) for h in hits])
         log = np.log((1 - rate) * density[alone] + rate + self.q.furniture[alone]).sum()
@@ -233,13 +233,16 @@ class Oracle:
         return log
 
     def _log_group(self, hits, rows, density, rate):
-        slip, around = rate, self.q.furniture[rows]
+        slip, on_furniture = rate, self.q.furniture[rows]
         by_area = any(self.q.kinds[j] == 0 and not self.q.directions[j].any() for j in rows)
-        logs = [np.log(slip / (1 - slip)) + self.q.elsewhere, np.log((1 - rate) * slip * density + rate + around).sum()]
+        logs = [
+            np.log(slip / (1 - slip)) + self.q.elsewhere,
+            np.log((1 - rate) * slip * density + rate + on_furniture).sum(),
+        ]
         for face in {face for h in hits for face, _ in h}:
             portion = self._portion(face)
             log = np.log(portion) if face < 0 or by_area else 0.0
-            for j, h, d, there in zip(rows, hits, density, around, strict=True):
+            for j, h, d, there in zip(rows, hits, density, on_furniture, strict=True):
                 share = portion if face < 0 or (self.q.kinds[j] == 0 and not self.q.directions[j].any()) else 1.0
                 on = sum(w for f, w in h if f == face) / share
                 log += np.log((1 - rate) * ((1 - slip) * on + slip * d) + rate + there)
@@ -247,14 +250,14 @@ class Oracle:
         return np.log1p(-slip) + np.logaddexp.reduce(logs)
 
     def _portion(self, face):
-        """How likely a face is by its area, an edge by its length, a corner by their number."""
+        """Return the prior of a face by its area, of an edge by its length, of a corner by their number."""
         if face >= 0:
             return sum(f.area for f in self.flats if f.face == face) / self.area
         k = -2 - face
         return self.lengths[k] / self.lengths.sum() if k < len(self.lengths) else 1 / len(self.body.corners)
 
     def log_rays(self, T, z):
-        """Paths on which nothing was met: half of a cone passes with its middle, an eighth with each of four rays."""
+        """Return the log likelihood of free paths: half of a cone by its middle ray, an eighth by each of four rays."""
         q, log, rate = self.q, 0.0, self.q.mean_rate
         D = q.shared_jacobian.shape[2]
         for k, (*od, length, slope, least_cosine) in enumerate(q.rays):
@@ -265,8 +268,8 @@ class Oracle:
             v = np.cross(d, u)
             passed = float(self._passes(o, d, end, least_cosine))
             if not passed and slope > 0:
-                for aside in (u, v, -u, -v):
-                    e = d + 2 * slope * aside
+                for sideways in (u, v, -u, -v):
+                    e = d + 2 * slope * sideways
                     passed += 0.125 * self._passes(o, e / np.linalg.norm(e), end, least_cosine)
             log += np.log(rate + (1 - 2 * rate) * passed)
         return log
@@ -279,7 +282,7 @@ class Oracle:
         return abs(n @ d) / np.linalg.norm(n) < least_cosine - 1e-12
 
     def log_prior(self, T, z):
-        """Unit normal states, the noise scale, a mixture of normal densities of the pose, a table under it."""
+        """Return the log prior: unit normal states, the noise scale, a mixture of normal poses, a table."""
         q, D = self.q, self.q.shared_jacobian.shape[2]
         log = -0.5 * z[:D] @ z[:D]
         if q.scale_sd > 0:

@@ -13,7 +13,7 @@ PARALLEL, BESIDE, TURN = 1e-3, 1e-3, 1e-3
 
 @dataclass(frozen=True)
 class Touch:
-    """One thing that a ball is on: a flat, or an edge or a vertex (``flat`` None)."""
+    """One contact of a ball: on a flat, or on an edge or a vertex (``flat`` None)."""
 
     flat: object
     face: int
@@ -27,7 +27,7 @@ class Touch:
 
 
 def middle(flat):
-    """Of the rectangle about the outline."""
+    """Return the centre of the bounding rectangle of the outline."""
     corners = flat.outline.reshape(-1, 2)
     return flat.origin + 0.5 * (corners.min(axis=0) + corners.max(axis=0)) @ np.stack([flat.u, flat.v])
 
@@ -47,7 +47,7 @@ def convex_edges(body, flats):
 
 
 def convex_vertices(body, edges):
-    """Where three convex edges or more end, and no other: place, directions of the edges, faces."""
+    """Return the vertices where only convex edges end, three or more: position, edge directions, faces."""
     T = body.triangles
     sides = {(t[i], t[(i + 1) % 3]): k for k, t in enumerate(T) for i in range(3)}
     bad = {v for (a, b), k in sides.items() if (b, a) not in sides for v in (a, b)}
@@ -72,7 +72,7 @@ def _turn(body, a, b, k, other):
 
 
 def over_edges(p, radius, sd, edges, reach):
-    """The centre is on a cylinder about the edge, between the faces' normals."""
+    """Yield the density where the centre is on a cylinder about the edge, between the faces' normals."""
     for a, b, _, n0, n1, face in edges:
         d = (b - a) / np.linalg.norm(b - a)
         off = p - a
@@ -87,7 +87,7 @@ def over_edges(p, radius, sd, edges, reach):
 
 
 def over_vertices(p, radius, sd, vertices, reach):
-    """The centre is on a sphere about the vertex, on the outer side of all its edges."""
+    """Yield the density where the centre is on a sphere about the vertex, outside of all its edges."""
     for at, away, faces in vertices:
         out = p - at
         far = np.linalg.norm(out)

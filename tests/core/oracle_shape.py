@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 
 def any_across(a):
-    """The unit vector across ``a`` that the core takes: across the axis that is least along it."""
+    """Return the unit vector normal to ``a`` that the core uses, made from the axis with the least component."""
     least = np.eye(3)[np.argmin(np.abs(a))]
     out = np.cross(a, least)
     return out / np.linalg.norm(out)
@@ -26,7 +26,7 @@ class Profile:
     slope: float
     radius: float
     sign: float
-    alike: float
+    least_cosine: float
 
     def distance(self, p):
         """Signed distance, its gradient, and both curvatures with their directions."""
@@ -90,23 +90,23 @@ def _flat(body, rows, n, area):
 
 
 def tangent_plane(flat, p):
-    """Normal and distance of the plane that touches the surface at the place of the flat next to a point."""
+    """Return normal and distance of the tangent plane of the surface at the flat next to a point."""
     if flat.profile is not None:
         frame = np.stack([flat.u, flat.v])
         x = frame @ (p - flat.origin)
         corners = flat.outline.reshape(-1, 2)
         shift = (np.clip(x, corners.min(axis=0), corners.max(axis=0)) - x) @ frame
         distance, n, bends = flat.profile.distance(p + shift)
-        if n @ flat.normal >= flat.profile.alike:
+        if n @ flat.normal >= flat.profile.least_cosine:
             return n, distance - n @ shift, bends
     return flat.normal, flat.normal @ (p - flat.origin), None
 
 
 def share(outline, mean, spread, seen):
-    """Of a normal density what falls into an outline: the winding number, less what lies beyond each of its edges.
+    """Return the mass of a normal density in an outline: winding number minus the mass beyond each edge.
 
     Beyond an edge, and within the angle that it takes up, are two of Owen's T. Edges whose line, or whose nearer end
-    along it, is farther than ``seen`` standard deviations are left out; ends that are farther do not count as ends.
+    along it, is farther than ``seen`` standard deviations are excluded; ends that are farther do not count as ends.
     """
     widest = np.sqrt(np.linalg.eigvalsh(spread)[-1])
     corners = outline.reshape(-1, 2)

@@ -15,17 +15,17 @@ RADIUS = 0.1
 
 
 NAMES = "surface_point", "edge_point", "corner_point", "axis_centre", "surface_point", "sphere_centre", "cone_apex"
-"""Kinds of measurements of the oracle, by number; the fifth is of a face that is not flat."""
+"""Kinds of measurements of the oracle, by number; the fifth is on a face that is not flat."""
 
 
 def fields_before_shared():
-    """Number of fields before the shared errors."""
+    """Return number of fields before the shared errors."""
     return [f.name for f in fields(Question)].index("shared_jacobian")
 
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """Measurements as columns, whatever their kind; the oracle reads these."""
+    """Measurements as columns, for all kinds; the oracle reads these."""
 
     points: np.ndarray
     covs: np.ndarray
@@ -68,7 +68,7 @@ class Question:
         return _core.make_problem(blocks, furniture, self.groups, elsewhere, shared, np.zeros((0, 3, 0)), *others)
 
     def _columns(self, rows, kind):
-        """The columns that a kind has."""
+        """Return the columns of a kind."""
         own = {
             "points": self.points, "covs": self.covs, "extra": self.extra, "log_outlier": self.log_outlier,
             "normals": self.normals, "normal_sds": self.normal_sds,
@@ -81,7 +81,7 @@ class Question:
         else:
             own |= {"sizes": self.circles[:, 0], "size_sds": self.circles[:, 1], "material_sides": self.circles[:, 2]}
             own |= {"offsets": self.radii}
-        alone = len(rows) == len(self.kinds)  # as it is, also where its shape is wrong
+        alone = len(rows) == len(self.kinds)  # unchanged, also where its shape is wrong
         return {n: np.ascontiguousarray(c if alone else c[rows], dtype=float) for n, c in own.items()}
 
     @property
@@ -90,7 +90,7 @@ class Question:
         return self.shared_jacobian.shape[2] + (self.scale_sd > 0)
 
     def taken(self, rows):
-        """Some of the points, or in another order."""
+        """Return some of the points, in any order."""
         names = [f.name for f in fields(self) if f.name != "elsewhere"][:15]
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
@@ -103,7 +103,7 @@ def random_pose(rng, shift=0.1):
 
 
 def near_pose(T, rng, shift, turn):
-    """A pose beside another one."""
+    """Return a pose near another one."""
     out = T.copy()
     out[:3, 3] += shift * rng.normal(size=3)
     out[:3, :3] = T[:3, :3] @ Rotation.from_rotvec(turn * rng.normal(size=3)).as_matrix()
@@ -121,11 +121,11 @@ def touched(body, T, n, sd, rng, *, edgy=0.4, outliers=0.1):
     world = (p + sd * rng.normal(size=p.shape)) @ T[:3, :3].T + T[:3, 3]
     lost = rng.uniform(size=n) < outliers
     world[lost] += 0.02 * rng.normal(size=(lost.sum(), 3))
-    return asked(world, sd), normals @ T[:3, :3].T
+    return point_question(world, sd), normals @ T[:3, :3].T
 
 
-def asked(points, sd, *, rate=0.02):
-    """A question about points alone, with isotropic noise."""
+def point_question(points, sd, *, rate=0.02):
+    """Return a question about points alone, with isotropic noise."""
     n = len(points)
     rates, weights = outlier_rates(rate, n)
     none = np.zeros((0, 3, 0))
@@ -148,7 +148,7 @@ def anisotropic(q, rng):
 
 
 def directed(q, normals, rng, *, free_reach=0.0):
-    """Beams that come from about where the surface looks; some from behind."""
+    """Return a question with beams from about the outward side of the surface; some from the back."""
     d = -normals + 0.5 * rng.normal(size=normals.shape)
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     return replace(
@@ -173,7 +173,7 @@ def oriented(q, normals, rng, tilt=0.05):
 
 
 def furnished(q, rng):
-    """Some points may be of what stands around, some surely are."""
+    """Return a question where some points may be on furniture and some surely are."""
     return replace(
         q, furniture=np.where(rng.uniform(size=len(q.points)) < 0.5, 0.0, 10 ** rng.uniform(-3, 6, len(q.points)))
     )
@@ -201,7 +201,7 @@ def with_rays(q, body, T, rng, m=12, slope=0.0):
 
 
 def with_prior(q, T, rng, count=2, shift=0.01, turn=0.2):
-    """A mixture of normal densities of the pose, and a table."""
+    """Return a question with a mixture of normal densities of the pose, and a table."""
     means = np.stack([near_pose(T, rng, shift, turn) for _ in range(count)])
     A = rng.normal(size=(count, 6, 6)) * np.r_[np.full(3, shift), np.full(3, turn)][:, None]
     covs = A @ np.swapaxes(A, 1, 2) + 0.1 * np.diag(np.r_[np.full(3, shift**2), np.full(3, turn**2)])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from core.bodies import flat_bodies
-from core.questions import anisotropic, asked, near_pose, random_pose, with_shared
+from core.questions import anisotropic, near_pose, point_question, random_pose, with_shared
 from core.test_oracle import agree
 from core.test_slopes import off
 
@@ -16,7 +16,7 @@ SD = 5e-4
 
 
 def _body(rng):
-    """A body with axes anywhere, of holes, spheres and cones: ends, sizes, weight, side, number, kind."""
+    """Return a body with random axes of holes, spheres and cones: ends, sizes, weight, side, number, kind."""
     n = 12
     ends = rng.uniform(-0.02, 0.02, size=(n, 6))
     radii = np.sort(rng.uniform(2e-3, 6e-3, size=(n, 2)), axis=1)
@@ -27,7 +27,7 @@ def _body(rng):
 
 
 def _centres(body, rng, n=12):
-    """Centres near the axes, with their axes, radii and sides; of each some that are not told."""
+    """Return centres near the axes, with their axes, radii and sides, some of each not stated."""
     T, rows = random_pose(rng), rng.integers(len(body.axes), size=n)
     a, b = body.axes[rows, :3], body.axes[rows, 3:6]
     lines = body.axes[rows, 11:] == 3
@@ -40,7 +40,7 @@ def _centres(body, rng, n=12):
     radii = rng.choice([0, 1], size=n) * (body.axes[rows, 6:8].mean(axis=1) + 3e-4 * rng.normal(size=n))
     circles = np.column_stack([radii, np.full(n, 4e-4), rng.choice([0, 1], size=n) * body.axes[rows, 9]])
     q = replace(
-        asked(p @ T[:3, :3].T + T[:3, 3], SD), kinds=body.axes[rows, 11].astype(np.int32), circles=circles,
+        point_question(p @ T[:3, :3].T + T[:3, 3], SD), kinds=body.axes[rows, 11].astype(np.int32), circles=circles,
         normals=m @ T[:3, :3].T, normal_sds=np.full(n, 0.1), radii=beside,
     )  # fmt: skip
     return q, np.stack([near_pose(T, rng, 2e-4, 5e-3) for _ in range(3)])

@@ -62,7 +62,7 @@ def test_spreads_are_quadratic_forms():
     np.testing.assert_allclose(_core.spreads(g, A), np.einsum("csi,ksij,csj->kcs", g, A, g), rtol=1e-12, atol=1e-12)
 
 
-def test_nothing_is_met_where_nothing_is_asked(target):
+def test_no_beams_have_no_hits(target):
     none = _core.beams(target.shape, np.zeros((0, 4, 4)), np.zeros((3, 3)), np.ones((3, 1, 3)))
     assert [values.shape for values in none] == [(3, 0), (3, 0), (3, 0), (3, 0, 6)]
     with pytest.raises(ValueError, match="directions"):

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_t
 
 from core.bodies import flat_bodies
-from core.questions import asked, near_pose, oriented, random_pose, touched, with_shared
+from core.questions import near_pose, oriented, point_question, random_pose, touched, with_shared
 from core.test_slopes import differences, scene
 from tanteo import _core
 
@@ -45,15 +45,15 @@ def test_a_climb_never_ends_lower(name, kind):
 @pytest.mark.parametrize("n", [7, 12, 40])
 def test_the_noise_scale_at_a_maximum_is_not_too_small(n):
     """Six of the residuals' degrees of freedom are the pose's: the joint maximum would have it too small."""
-    body, sd, told = FLAT["bracket"], 3e-4, []
+    body, sd, found = FLAT["bracket"], 3e-4, []
     for seed in range(60):
         rng = np.random.default_rng((11, n, seed))
         T = random_pose(rng)
         p, _ = body.surface_points(n, rng)
-        q = replace(asked((p + sd * rng.normal(size=p.shape)) @ T[:3, :3].T + T[:3, 3], sd), scale_sd=1.0)
+        q = replace(point_question((p + sd * rng.normal(size=p.shape)) @ T[:3, :3].T + T[:3, 3], sd), scale_sd=1.0)
         _, zs, *_ = maximized(body, q, T[None], np.zeros((1, 1)))
-        told.append(zs[0, 0])
-    assert abs(np.mean(told)) < 4 * np.std(told) / np.sqrt(60) + 0.1
+        found.append(zs[0, 0])
+    assert abs(np.mean(found)) < 4 * np.std(found) / np.sqrt(60) + 0.1
 
 
 @pytest.mark.parametrize("name", FLAT)
@@ -69,7 +69,7 @@ def test_a_climb_ends_where_the_density_is_flat(name):
     assert logs == pytest.approx(_core.log_densities(body.shape(), q.core(), Ts, zs), abs=1e-12)
 
 
-def test_climbs_far_behind_the_best_are_given_up():
+def test_climbs_far_below_the_best_are_stopped():
     body, rng = FLAT["block"], np.random.default_rng(3)
     T = random_pose(rng)
     q, _ = touched(body, T, 20, 3e-4, rng)
@@ -181,9 +181,9 @@ def test_distinct_keeps_the_first_of_what_is_near():
     assert set(who) == {-1, 0, 1, 2}
 
 
-def test_nothing_asked_is_the_prior_alone():
+def test_a_question_without_readings_is_the_prior():
     q = replace(
-        asked(np.zeros((0, 3)), 1.0),
+        point_question(np.zeros((0, 3)), 1.0),
         prior_means=np.eye(4)[None],
         prior_roots=np.eye(6)[None],
         prior_log_weights=np.zeros(1),

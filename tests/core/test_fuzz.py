@@ -1,7 +1,7 @@
 """The core neither crashes nor hangs nor returns nan: damaged meshes, strange questions, wrong arrays.
 
 ``make sanitize`` runs these on a core that is watched for bad accesses and undefined behaviour. TANTEO_FUZZ is how many
-random questions are asked.
+random questions are used.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import pytest
 
 from core.bodies import flat_bodies
 from core.meshes import random_mesh
-from core.questions import Question, asked, random_pose, with_prior, with_rays, with_shared
+from core.questions import Question, point_question, random_pose, with_prior, with_rays, with_shared
 from tanteo import _core
 
 COUNT = int(os.environ.get("TANTEO_FUZZ", "60"))
@@ -27,12 +27,12 @@ ARRAYS = [
 
 
 def strange_question(body, scale, rng):
-    """A valid question: any size of noise, any kind of point, groups with gaps."""
+    """Return a valid question: any size of noise, any kind of point, groups with gaps."""
     n = int(rng.integers(0, 12))
     T = random_pose(rng, scale)
     p = body.surface_points(n, rng)[0] if n else np.zeros((0, 3))
     sd = scale * 10.0 ** rng.integers(-6, 2)
-    q = asked(p @ T[:3, :3].T + T[:3, 3] + sd * rng.normal(size=(n, 3)), sd)
+    q = point_question(p @ T[:3, :3].T + T[:3, 3] + sd * rng.normal(size=(n, 3)), sd)
     if rng.uniform() < 0.5:
         A = rng.normal(size=(n, 3, 3)) * rng.choice([0.0, 1e-6, 1.0], size=(n, 1, 3), p=[0.3, 0.2, 0.5])
         q = replace(q, covs=sd**2 * (A @ np.swapaxes(A, 1, 2)), extra=np.full(n, sd**2 * rng.choice([1e-18, 0.1])))
@@ -52,7 +52,7 @@ def strange_question(body, scale, rng):
 
 
 def made(make, refusal):
-    """What was made; None where it was refused with such words."""
+    """Return the result, or None if the input was refused with one of the expected messages."""
     try:
         return make()
     except ValueError as error:
@@ -91,7 +91,7 @@ def test_valid_questions_are_answered(seed):
 @pytest.mark.parametrize("name", ARRAYS)
 def test_what_is_not_finite_is_refused_by_name(name, value):
     rng = np.random.default_rng(0)
-    q = with_shared(with_rays(asked(rng.normal(size=(4, 3)), 1e-3), BLOCK, np.eye(4), rng), 2, rng)
+    q = with_shared(with_rays(point_question(rng.normal(size=(4, 3)), 1e-3), BLOCK, np.eye(4), rng), 2, rng)
     q = with_prior(q, np.eye(4), rng)
     array = getattr(q, name).astype(float)
     array.flat[rng.integers(array.size)] = value
@@ -105,7 +105,7 @@ def test_what_is_not_finite_is_refused_by_name(name, value):
 @pytest.mark.parametrize("name", [name for name in ARRAYS if name != "table"])
 def test_wrong_shapes_are_refused(name, change):
     rng = np.random.default_rng(0)
-    q = with_shared(with_rays(asked(rng.normal(size=(4, 3)), 1e-3), BLOCK, np.eye(4), rng), 2, rng)
+    q = with_shared(with_rays(point_question(rng.normal(size=(4, 3)), 1e-3), BLOCK, np.eye(4), rng), 2, rng)
     q = with_prior(q, np.eye(4), rng)
     with pytest.raises((ValueError, TypeError)):
         replace(q, **{name: np.ascontiguousarray(change(getattr(q, name)))}).core()
@@ -128,7 +128,7 @@ def test_an_unknown_kind_is_refused_with_those_that_are_known():
 
 @pytest.mark.parametrize("rows", [[0, 1, 1], [0, 1, 3], [0, -1, 1], [0, 1]])
 def test_every_measurement_stands_in_one_row(rows):
-    q = asked(np.zeros((3, 3)), 1e-3)
+    q = point_question(np.zeros((3, 3)), 1e-3)
     points = _core.make_factors("surface_point", {"points": q.points, "covs": q.covs})
     rest = q.groups, np.zeros(0), q.shared_jacobian, np.zeros((0, 3, 0)), 0.0, q.rates, q.rate_weights, q.mean_rate
     last = q.rays, q.ray_shifts, q.ray_turns, q.prior_means, q.prior_roots, q.prior_log_weights, q.table
@@ -192,11 +192,11 @@ def test_meshes_that_are_none_are_refused(change):
 )
 def test_questions_that_make_no_sense_are_refused(change):
     with pytest.raises(ValueError, match="expected"):
-        replace(asked(np.zeros((2, 3)), 1e-3), **change).core()
+        replace(point_question(np.zeros((2, 3)), 1e-3), **change).core()
 
 
 def test_poses_are_checked_everywhere():
-    shape, q = BLOCK.shape(), asked(np.zeros((2, 3)), 1e-3)
+    shape, q = BLOCK.shape(), point_question(np.zeros((2, 3)), 1e-3)
     core, bad = q.core(), np.full((1, 4, 4), np.nan)
     none, x = np.zeros((1, 0)), np.zeros((1, 6))
     rows = np.zeros(1, np.int32)
@@ -225,13 +225,13 @@ def test_poses_are_checked_everywhere():
 )
 def test_maximizations_that_make_no_sense_are_refused_by_name(name, value):
     good = {"blurs": np.array([0.01]), "steps": 5, "enough": 1e-3, "margin": 10.0}
-    q = asked(np.zeros((3, 3)), 1e-3)
+    q = point_question(np.zeros((3, 3)), 1e-3)
     with pytest.raises(ValueError, match=f"^{name}: "):
         _core.maximize(BLOCK.shape(), q.core(), poses=np.eye(4)[None], shared=np.zeros((1, 0)), **{**good, name: value})
 
 
 def test_searches_that_keep_nothing_are_refused():
-    shape, core, rows = BLOCK.shape(), asked(np.eye(3)[:2], 1e-3).core(), np.arange(2, dtype=np.int32)
+    shape, core, rows = BLOCK.shape(), point_question(np.eye(3)[:2], 1e-3).core(), np.arange(2, dtype=np.int32)
     good = {"per_pair": 5, "spins": 4, "tolerance": 1.0, "blur": 1.0, "tilt": 1.0, "keep": 3, "seed": 0}
     for bad in ({"keep": 0}, {"blur": 0.0}, {"tilt": np.nan}, {"tolerance": -1.0}, {"spins": 0}, {"per_pair": -1}):
         with pytest.raises(ValueError, match=next(iter(bad))):

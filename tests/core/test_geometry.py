@@ -34,14 +34,14 @@ def test_first_hits_are_those_of_embree(name, far):
     origins = body.centre + 0.03 * rng.normal(size=(500, 3)) - far * body.diagonal * d
     distances, triangles = _core.first_hits(body.shape(), origins, d)
     expected = Surface(body.vertices, body.triangles).cast(origins, d)
-    met = triangles >= 0
-    assert np.array_equal(met, np.isfinite(distances))
-    assert np.mean(met != (expected.triangles >= 0)) <= 0.004  # Embree casts in single precision
-    both = met & (expected.triangles >= 0)
+    hit = triangles >= 0
+    assert np.array_equal(hit, np.isfinite(distances))
+    assert np.mean(hit != (expected.triangles >= 0)) <= 0.004  # Embree casts in single precision
+    both = hit & (expected.triangles >= 0)
     assert np.mean(np.abs(distances[both] - expected.distances[both]) > 1e-9) <= 0.004
 
 
-def test_rays_along_faces_and_axes_are_met_or_not():
+def test_rays_along_faces_and_axes_hit_or_miss():
     """A grid of rays along z onto a block: its top, wherever they start over it."""
     body = BODIES["block"]
     x, y = np.meshgrid(np.linspace(0, 0.08, 9), np.linspace(0, 0.05, 6))

@@ -17,7 +17,7 @@ CENTRE = np.array([0.01, 0.0, 0.01])
 
 
 def sliding(seed):
-    """A scene, poses for each yaw, and tables of what is at random under a drawing."""
+    """Return a scene, poses for each yaw, and tables of the random fraction under a drawing."""
     rng = np.random.default_rng(seed)
     s = scene(seed, (-0.2, 0.05, 1e-3, -2e-3))
     s = replace(s, corners=s.corners[:3])

@@ -1,4 +1,4 @@
-"""Edges in images: which the core sees, what they meet, and where they meet best, against plain NumPy."""
+"""Edges in images: the visible ones, their hits, and their best positions, against plain NumPy."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ REACH = 40.0
 
 
 @pytest.mark.parametrize("hidden", [False, True])
-def test_visible_are_unhidden_faces_that_look_at_the_eye(hidden):
+def test_visible_faces_are_unhidden_and_front_facing(hidden):
     s = scene(2, ())
     shown, rims = _core.see_edges(s.frame(), s.Ts, hidden)
     expected, ends = see(s, s.Ts, hidden)
@@ -34,22 +34,22 @@ def test_without_a_surface_nothing_is_hidden():
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=len)
-def test_they_are_where_numpy_says_and_follow_pose_as_it_says(lens):
+def test_edges_and_their_pose_derivatives_equal_numpy(lens):
     s = scene(3, lens)
     shown = np.random.default_rng(3).uniform(size=(5, 40)) < 0.8
     numbers, which, inside = _core.meet_edges(s.frame(), *s.image, s.Ts, shown, REACH)
-    met = meet(s, s.Ts, shown, REACH)
-    assert 0 < np.isfinite(met.pixels[..., 0]).sum() < met.inside.size
-    np.testing.assert_allclose(numbers[..., :2], met.pixels, rtol=1e-9)
-    np.testing.assert_array_equal(inside, met.inside)
+    edge_hits = meet(s, s.Ts, shown, REACH)
+    assert 0 < np.isfinite(edge_hits.pixels[..., 0]).sum() < edge_hits.inside.size
+    np.testing.assert_allclose(numbers[..., :2], edge_hits.pixels, rtol=1e-9)
+    np.testing.assert_array_equal(inside, edge_hits.inside)
     assert 0 < inside.sum() < inside.size
-    np.testing.assert_allclose(numbers[inside][:, 2:4], met.normals[inside], atol=1e-9)
-    np.testing.assert_allclose(numbers[..., 4], met.spans, rtol=1e-9)
-    np.testing.assert_array_equal(which, met.which)
-    assert met.hits.sum() > 5
-    np.testing.assert_allclose(numbers[..., 5], met.offsets, atol=1e-9)
-    np.testing.assert_allclose(numbers[..., 6], met.sds)
-    np.testing.assert_allclose(numbers[inside][:, 7:], met.jacobian[inside], rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(numbers[inside][:, 2:4], edge_hits.normals[inside], atol=1e-9)
+    np.testing.assert_allclose(numbers[..., 4], edge_hits.spans, rtol=1e-9)
+    np.testing.assert_array_equal(which, edge_hits.which)
+    assert edge_hits.hits.sum() > 5
+    np.testing.assert_allclose(numbers[..., 5], edge_hits.offsets, atol=1e-9)
+    np.testing.assert_allclose(numbers[..., 6], edge_hits.sds)
+    np.testing.assert_allclose(numbers[inside][:, 7:], edge_hits.jacobian[inside], rtol=1e-7, atol=1e-7)
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=len)
@@ -75,23 +75,23 @@ def test_the_best_meeting_pose_is_maximized_as_numpy_does(lens, prior):
     Ts = s.Ts[:4]
     starts = Ts @ SE3.exp(np.random.default_rng(8).normal(size=(4, 6)) * np.repeat([3e-3, 0.05], 3))
     priors = prior * np.diag([1.0, 2, 3, 4, 5, 6]) + 0.1 * prior * np.ones((4, 6, 6))
-    reaches, asked = np.array([40.0, 20, 12, 8]), np.array([True, False, False, True])
-    got = _core.refine_edges(s.frame(), *s.image, Ts, starts, priors, reaches, asked, 0.1, 4.0)
-    expected = refine(s, Ts, starts, priors, zip(reaches, asked, strict=True), 0.1, 4.0)
+    reaches, wanted = np.array([40.0, 20, 12, 8]), np.array([True, False, False, True])
+    got = _core.refine_edges(s.frame(), *s.image, Ts, starts, priors, reaches, wanted, 0.1, 4.0)
+    expected = refine(s, Ts, starts, priors, zip(reaches, wanted, strict=True), 0.1, 4.0)
     assert np.linalg.norm(expected - Ts, axis=(1, 2)).max() > 1e-2
     np.testing.assert_allclose(got, expected, atol=1e-8)
 
 
-def test_where_no_edge_is_met_only_the_prior_pulls():
+def test_without_an_edge_hit_only_the_prior_acts():
     s = scene(9, ())
     s = replace(s, nearest=np.full_like(s.nearest, -1))
     away = s.Ts[:2] @ SE3.exp(np.array([1e-3, 2e-3, -1e-3, 0.02, -0.01, 0.03]))
-    reaches, asked = np.ones(8), np.arange(8) == 0
-    held, free = (
-        _core.refine_edges(s.frame(), *s.image, away, s.Ts[:2], np.stack([A, A]), reaches, asked, 0.1, 4.0)
+    reaches, wanted = np.ones(8), np.arange(8) == 0
+    fixed, free = (
+        _core.refine_edges(s.frame(), *s.image, away, s.Ts[:2], np.stack([A, A]), reaches, wanted, 0.1, 4.0)
         for A in (1e3 * np.eye(6), np.zeros((6, 6)))
     )
-    np.testing.assert_allclose(held, s.Ts[:2], atol=1e-9)
+    np.testing.assert_allclose(fixed, s.Ts[:2], atol=1e-9)
     np.testing.assert_allclose(free, away, atol=1e-12)
 
 
@@ -110,7 +110,7 @@ def test_what_cannot_be_meant_is_refused():
     for k, value in enumerate(wrong):
         with pytest.raises(ValueError, match="expected"):
             _core.meet_edges(frame, *[value.copy() if j == k else right[j] for j in range(6)], REACH)
-    far = np.full_like(s.nearest, 10**6)  # of another image: no edge point is met, and no memory beyond is read
+    far = np.full_like(s.nearest, 10**6)  # of another image: there is no hit, and no memory beyond is read
     _, which, _ = _core.meet_edges(frame, s.camera.numbers, far, *right[2:], REACH)
     assert (which == -1).all()
     right = [s.Ts, s.Ts, np.zeros((5, 6, 6)), np.ones(3), np.ones(3, bool)]

@@ -36,7 +36,7 @@ def scene():
 
 
 def summed(factor, model, Ts):
-    """The sums of the factor's own term at poses in the camera, without shared errors."""
+    """Return the sums of the factor's own term at poses in the camera, without shared errors."""
     world = np.ascontiguousarray(factor.camera.T_world_camera @ Ts)
     return Sums(*_core.image_sums(factor.term(model.part, 0), world, np.zeros((len(Ts), factor.states))).T)
 
@@ -47,20 +47,22 @@ def near(T, rng, count):
     return T @ SE3.exp(rng.normal(size=(count, 6)) * np.r_[np.full(3, 1e-3), np.full(3, 0.01)] * sizes)
 
 
-def foremost(groups, met):
-    """Samples that met an edge point which no other edge of the part, running the same way, met nearer."""
-    out = met.hits.copy()
-    places = met.pixels + met.offsets[:, None] * met.normals
-    for i in np.flatnonzero(met.hits):
-        for j in np.flatnonzero(met.hits & (groups != groups[i]) & (np.abs(met.offsets) < np.abs(met.offsets[i]))):
-            width = max(met.spans[i], met.spans[j], 4.0)
-            if np.linalg.norm(places[i] - places[j]) < width and abs(met.normals[i] @ met.normals[j]) > 0.9:
+def foremost(groups, edge_hits):
+    """Return the samples whose edge point is not hidden by a nearer parallel edge of the part."""
+    out = edge_hits.hits.copy()
+    places = edge_hits.pixels + edge_hits.offsets[:, None] * edge_hits.normals
+    for i in np.flatnonzero(edge_hits.hits):
+        for j in np.flatnonzero(
+            edge_hits.hits & (groups != groups[i]) & (np.abs(edge_hits.offsets) < np.abs(edge_hits.offsets[i]))
+        ):
+            width = max(edge_hits.spans[i], edge_hits.spans[j], 4.0)
+            if np.linalg.norm(places[i] - places[j]) < width and abs(edge_hits.normals[i] @ edge_hits.normals[j]) > 0.9:
                 out[i] = False
     return out
 
 
 def from_grid(T):
-    """The pose with the eye on the nearest corner of the grid from which the core sees what is hidden."""
+    """Return the pose with the eye on the nearest grid corner from which the core evaluates visibility."""
     eye = SE3.inverse(T)[:3, 3]
     step = 2.0 ** np.floor(np.log2(2e-3 * np.linalg.norm(eye)))
     return SE3.from_parts(T[:3, :3], -T[:3, :3] @ (np.rint(eye / step) * step))
@@ -73,35 +75,35 @@ def by_edges(groups, values, spans):
     )
 
 
-def beside(groups, met):
-    """Samples that have another edge of the part, or their own where it has turned, within 4 px."""
+def beside(groups, edge_hits):
+    """Return the samples with another edge of the part, or a turn of their own edge, within 4 px."""
     out = np.zeros(len(groups), dtype=bool)
-    for i in np.flatnonzero(met.inside):
-        for j in np.flatnonzero(met.inside):
-            if groups[i] == groups[j] and abs(met.normals[i] @ met.normals[j]) >= 0.9:
+    for i in np.flatnonzero(edge_hits.inside):
+        for j in np.flatnonzero(edge_hits.inside):
+            if groups[i] == groups[j] and abs(edge_hits.normals[i] @ edge_hits.normals[j]) >= 0.9:
                 continue
-            gap = met.pixels[i] - met.pixels[j]
-            across = gap @ met.normals[j]
-            along = max(np.sqrt(max(gap @ gap - across**2, 0.0)) - met.spans[j] / 2, 0.0)
+            gap = edge_hits.pixels[i] - edge_hits.pixels[j]
+            across = gap @ edge_hits.normals[j]
+            along = max(np.sqrt(max(gap @ gap - across**2, 0.0)) - edge_hits.spans[j] / 2, 0.0)
             out[i] |= across**2 + along**2 < 16.0
     return out
 
 
-def where_edges_are(groups, met, sds, commons):
+def where_edges_are(groups, edge_hits, sds, commons):
     """Sum over edges: a normal density of all offsets of an edge with their full covariance, or another's edge.
 
     All edges of an image are as exact as stated, or each has an error of 0.4 px more.
     """
-    clear, totals = met.inside & ~beside(groups, met), np.log([0.98, 0.02])
+    clear, totals = edge_hits.inside & ~beside(groups, edge_hits), np.log([0.98, 0.02])
     for g in np.unique(groups[clear]):
-        rows = np.flatnonzero(clear & met.hits & (groups == g))
+        rows = np.flatnonzero(clear & edge_hits.hits & (groups == g))
         if not len(rows):
             totals += np.log(EVIDENCE.outlying)
             continue
-        d, sd, b = met.offsets[rows], sds[met.points[rows]], commons[met.points[rows]]
+        d, sd, b = edge_hits.offsets[rows], sds[edge_hits.points[rows]], commons[edge_hits.points[rows]]
         with_the_rest = np.abs(d - np.median(d)) < 4 * np.sqrt(sd**2 + b**2 + 0.15**2)
         d, sd, b, rows = d[with_the_rest], sd[with_the_rest], b[with_the_rest], rows[with_the_rest]
-        shares = np.minimum(met.spans[rows] / EDGES.correlation, 1.0)
+        shares = np.minimum(edge_hits.spans[rows] / EDGES.correlation, 1.0)
         stated = np.linalg.slogdet(np.diag(sd**2 / shares) + np.outer(b, b))[1]
         for k, more in enumerate((0.0, 0.4)):
             common = np.sqrt(b**2 + more**2)
@@ -126,14 +128,14 @@ def test_the_density_is_that_of_plain_numpy(scene):
     Ts = near(T, np.random.default_rng(1), 12)
     sums, expected = summed(factor, model, Ts), []
     for pose in Ts:
-        met = meet(frame, camera, edges, pose, EVIDENCE.reach, see_edges(frame, from_grid(pose)))
-        q = np.where(met.seen.rims, 0.85, 0.65)
-        hit = np.log(q * (0.7 * normal(met.offsets, 0.15) + 0.3 * normal(met.offsets, 0.8)) / c + 1 - q)
-        own, missed = foremost(frame.groups, met), met.inside & ~met.hits
+        edge_hits = meet(frame, camera, edges, pose, EVIDENCE.reach, see_edges(frame, from_grid(pose)))
+        q = np.where(edge_hits.seen.rims, 0.85, 0.65)
+        hit = np.log(q * (0.7 * normal(edge_hits.offsets, 0.15) + 0.3 * normal(edge_hits.offsets, 0.8)) / c + 1 - q)
+        own, missed = foremost(frame.groups, edge_hits), edge_hits.inside & ~edge_hits.hits
         expected.append((
-            by_edges(frame.groups, met.spans / 12 * hit, np.where(own, met.spans, 0.0)),
-            by_edges(frame.groups, met.spans / 12 * np.log1p(-q), np.where(missed, met.spans, 0.0)),
-            where_edges_are(frame.groups, met, sds, commons),
+            by_edges(frame.groups, edge_hits.spans / 12 * hit, np.where(own, edge_hits.spans, 0.0)),
+            by_edges(frame.groups, edge_hits.spans / 12 * np.log1p(-q), np.where(missed, edge_hits.spans, 0.0)),
+            where_edges_are(frame.groups, edge_hits, sds, commons),
         ))  # fmt: skip
     hits, misses, located = np.array(expected).T
     np.testing.assert_allclose(sums.hits, hits, rtol=1e-5)  # chances are single precision
@@ -158,7 +160,7 @@ def test_a_constant_is_taken_about_each_pose(scene):
 
 
 def test_its_slope_is_that_of_differences(scene):
-    """Within the noise of edge points: the slope leaves out that lengths and directions of edges follow the pose."""
+    """Within the noise of edge points: the slope ignores that lengths and directions of edges follow the pose."""
     model, camera, _, _, factor, T = scene
     term, c = factor.term(model.part, 2), model.part.centroid
     off = np.array([2e-4, -1e-4, 3e-4, 1e-3, 0.0, -1e-3])
@@ -189,7 +191,7 @@ def test_its_slope_is_that_of_differences(scene):
 
 
 def test_a_motion_of_the_camera_is_one_of_the_part(scene):
-    """The camera moved by its errors sees the same as with the part moved back."""
+    """A camera moved by its errors gives the same image as a part moved back."""
     model, camera, edges, _, factor, T = scene
     term = factor.term(model.part, 0)
     z = np.random.default_rng(3).normal(size=6)

@@ -25,7 +25,7 @@ FLAT = flat_bodies()
 BODIES = {**FLAT, **round_bodies()}
 
 
-def asked_all(body, seed, *, n=20):
+def mixed_question(body, seed, *, n=20):
     """Everything at once, and poses."""
     rng = np.random.default_rng(seed)
     T = random_pose(rng)
@@ -42,7 +42,7 @@ def log_densities(body, q, Ts, zs):
 
 
 def turned(q, W):
-    """The same question in another frame of the world."""
+    """Return the same question in another frame of the world."""
     R, t = W[:3, :3], W[:3, 3]
     rays = q.rays.copy()
     rays[:, :3], rays[:, 3:6] = rays[:, :3] @ R.T + t, rays[:, 3:6] @ R.T
@@ -56,7 +56,7 @@ def turned(q, W):
 
 @pytest.mark.parametrize("name", BODIES)
 def test_another_frame_of_the_world_changes_nothing(name):
-    body, (q, Ts, zs), rng = BODIES[name], asked_all(BODIES[name], 1), np.random.default_rng(9)
+    body, (q, Ts, zs), rng = BODIES[name], mixed_question(BODIES[name], 1), np.random.default_rng(9)
     q, W = with_prior(q, Ts[0], rng), random_pose(rng)
     expected = log_densities(body, q, Ts, zs)
     assert log_densities(body, turned(q, W), W @ Ts, zs) == pytest.approx(expected, rel=1e-8, abs=1e-8)
@@ -64,7 +64,7 @@ def test_another_frame_of_the_world_changes_nothing(name):
 
 @pytest.mark.parametrize("name", FLAT)
 def test_another_frame_of_the_part_changes_nothing(name):
-    body, (q, Ts, zs), rng = BODIES[name], asked_all(BODIES[name], 2), np.random.default_rng(8)
+    body, (q, Ts, zs), rng = BODIES[name], mixed_question(BODIES[name], 2), np.random.default_rng(8)
     # rays that stand for a cone, or for what is beside a beam, and the margin at their ends depend on the frame
     rays = q.rays.copy()
     rays[:, 6:8] = 0.5, 0
@@ -88,7 +88,7 @@ def test_without_cuts_the_frame_of_the_part_changes_nothing(name):
 
 @pytest.mark.parametrize("name", BODIES)
 def test_the_order_of_points_changes_nothing(name):
-    body, (q, Ts, zs) = BODIES[name], asked_all(BODIES[name], 3)
+    body, (q, Ts, zs) = BODIES[name], mixed_question(BODIES[name], 3)
     order = np.random.default_rng(0).permutation(len(q.points))
     expected = log_densities(body, q, Ts, zs)
     assert log_densities(body, q.taken(order), Ts, zs) == pytest.approx(expected, rel=1e-10, abs=1e-10)
@@ -96,14 +96,14 @@ def test_the_order_of_points_changes_nothing(name):
 
 @pytest.mark.parametrize("name", FLAT)
 def test_orders_and_names_of_the_mesh_change_nothing(name):
-    body, (q, Ts, zs) = BODIES[name], asked_all(BODIES[name], 4)
+    body, (q, Ts, zs) = BODIES[name], mixed_question(BODIES[name], 4)
     other = body.shuffled(np.random.default_rng(1))
     assert log_densities(other, q, Ts, zs) == pytest.approx(log_densities(body, q, Ts, zs), rel=0, abs=1e-5)
 
 
 @pytest.mark.parametrize("name", FLAT)
 def test_split_triangles_change_nothing(name):
-    body, (q, Ts, zs) = BODIES[name], asked_all(BODIES[name], 5)
+    body, (q, Ts, zs) = BODIES[name], mixed_question(BODIES[name], 5)
     expected = log_densities(body, q, Ts, zs)
     assert log_densities(body.split(), q, Ts, zs) == pytest.approx(expected, rel=0, abs=1e-5)
 

@@ -11,11 +11,11 @@ from core.bodies import flat_bodies, round_bodies, tent
 from core.oracle import Oracle
 from core.questions import (
     anisotropic,
-    asked,
     directed,
     furnished,
     near_pose,
     oriented,
+    point_question,
     random_pose,
     sided,
     touched,
@@ -109,7 +109,7 @@ OF_FACES = [_plain, _anisotropic, _blunt_beams, _normals, _uneven_normals, _tips
 
 
 def posed(body, make, seed, *, sd=1e-3, n=10):
-    """A question and poses near the truth with states."""
+    """Return a question and poses near the truth with states."""
     rng = np.random.default_rng(seed)
     T = random_pose(rng)
     q, normals = touched(body, T, n, sd, rng)
@@ -168,7 +168,7 @@ def _felt(q, normals, rng):
 @pytest.mark.parametrize("opened", [False, True], ids=["closed", "open"])
 @pytest.mark.parametrize("name", [*FLAT, "tent", "star"])
 def test_balls_about_vertices_agree_with_the_oracle(name, opened, make):
-    """Convex vertices are met; those with a concave edge, or at the border of an open mesh, are not."""
+    """Convex vertices can be touched; those with a concave edge, or at the border of an open mesh, cannot."""
     body, rng = {**BODIES, "tent": tent(), "star": tent(low=-0.025)}[name], np.random.default_rng(8)
     if opened:
         rows = np.arange(len(body.triangles)) > 0
@@ -179,7 +179,7 @@ def test_balls_about_vertices_agree_with_the_oracle(name, opened, make):
     out = rng.normal(size=(20, 3))
     out /= np.linalg.norm(out, axis=1)[:, None]
     centres = body.vertices[rng.integers(len(body.vertices), size=20)] + radius * out + sd * rng.normal(size=(20, 3))
-    q = asked(centres @ T[:3, :3].T + T[:3, 3], sd)
+    q = point_question(centres @ T[:3, :3].T + T[:3, 3], sd)
     q = make(replace(q, radii=np.full(20, radius)), out @ T[:3, :3].T, rng)
     agree(body, q, T[None], np.zeros((1, 0)))
 

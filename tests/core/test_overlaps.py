@@ -1,4 +1,4 @@
-"""What a reading tells about a group, against the same sums of pairs written out in NumPy."""
+"""Information of a reading about a group, against the same sums of pairs written out in NumPy."""
 
 from __future__ import annotations
 
@@ -30,6 +30,6 @@ def test_it_is_the_sum_over_pairs(samples, groups, spread):
     np.testing.assert_allclose(found, expected, atol=2e-5 * w.sum(axis=1).max())
 
 
-def test_readings_that_no_sample_gives_tell_nothing():
+def test_readings_that_no_sample_gives_have_no_information():
     none = np.zeros((3, 5))
     np.testing.assert_array_equal(_core.group_information(none, none, none + 1, np.arange(5)), 0.0)

@@ -17,7 +17,7 @@ N = 20
 
 
 def meshed(body):
-    """The same as a mesh alone: nothing round is known of it, and it is one face."""
+    """Return the same body as a mesh with one face and without round surfaces."""
     rows = np.full(len(body.triangles), -1)
     return replace(body, faces=np.zeros(len(body.triangles), dtype=np.int64), profile_rows=rows)
 
@@ -71,7 +71,7 @@ def test_the_slope_is_that_of_the_places(name):
 
 
 def grid(n):
-    """A square of n x n flats, each a bit off the plane so that none is coplanar with another, as one face."""
+    """Return a face of n x n flats, each slightly off the plane so that no two are coplanar."""
     x = np.linspace(-0.1, 0.1, n + 1)
     X, Y = np.meshgrid(x, x, indexing="ij")
     heights = 2e-5 * np.random.default_rng(0).normal(size=X.shape)

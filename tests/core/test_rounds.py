@@ -1,4 +1,4 @@
-"""Fits of round features in the core: what cannot be meant is refused, what says nothing does not crash."""
+"""Fits of round features in the core: invalid input is refused, uninformative input does not crash."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def fit(kind=3, **more):
 
 
 @pytest.mark.parametrize(
-    ("more", "said"),
+    ("more", "message"),
     [
         ({"kind": 4}, "kind"),
         ({"surface": -1}, "surface"),
@@ -41,8 +41,8 @@ def fit(kind=3, **more):
         ({"size": -1.0}, "size"),
     ],
 )
-def test_arguments_that_do_not_fit_are_refused(more, said):
-    with pytest.raises(ValueError, match=said):
+def test_arguments_that_do_not_fit_are_refused(more, message):
+    with pytest.raises(ValueError, match=message):
         fit(**more)
 
 

@@ -12,15 +12,15 @@ from scipy.stats import norm
 
 from core.bodies import Body, _ears, cylinder, flat_bodies
 from core.oracle import EXACT, Oracle
-from core.questions import anisotropic, asked, random_pose, touched
+from core.questions import anisotropic, point_question, random_pose, touched
 from tanteo import _core
 
 CUT = norm.sf(5)
-"""Most that leaving out one edge farther than five standard deviations changes a share."""
+"""Largest change of a share by an excluded edge farther than five standard deviations."""
 
 
 def sheet(outline):
-    """One face at z = 0, with nothing behind it."""
+    """Return one face at z = 0 without material below."""
     outline = np.asarray(outline, dtype=float)
     ears, none = _ears(outline), np.zeros((0, 3))
     vertices, faces = np.column_stack([outline, np.zeros(len(outline))]), np.zeros(len(ears), int)
@@ -28,14 +28,14 @@ def sheet(outline):
 
 
 def star(rng, corners, size):
-    """A polygon about the origin, concave as it comes."""
+    """Return a random polygon about the origin, mostly concave."""
     angles = np.sort(rng.uniform(0, 0.7, corners) + np.arange(corners)) * 2 * np.pi / corners
     return size * rng.uniform(0.3, 1, (corners, 1)) * np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 def core_shares(body, points, C):
-    """From the density of one point on the face: undirected, of the whole area."""
-    q = replace(asked(points, 1.0), covs=np.tile(C, (len(points), 1, 1)))
+    """Return the mass from the density of one point on the face: undirected, of the whole area."""
+    q = replace(point_question(points, 1.0), covs=np.tile(C, (len(points), 1, 1)))
     density = _core.details(body.shape(4), q.core(), np.eye(4)[None], np.zeros((1, 0)))[0][0, :, 0]
     area, sd = 0.5 * np.linalg.norm(body.across, axis=1).sum(), np.sqrt(C[2, 2])
     return density * np.exp(q.log_outlier) * area / norm.pdf(points[:, 2] / sd) * sd
@@ -94,7 +94,7 @@ def test_a_point_right_on_an_edge_is_half_inside(at):
 
 @pytest.mark.parametrize("kind", ["even", "uneven"])
 @pytest.mark.parametrize("name", flat_bodies())
-def test_cuts_lose_no_more_than_they_say(name, kind):
+def test_cuts_lose_no_more_than_their_bound(name, kind):
     body, rng = flat_bodies()[name], np.random.default_rng(4)
     T = random_pose(rng)
     q, _ = touched(body, T, 30, 1e-3, rng)
@@ -113,7 +113,7 @@ def test_a_round_face_counts_once_but_for_its_curvature(r):
     radius, sd, n = 0.03, 3e-4, 24
     body, turn = cylinder(radius, 0.05, n), np.linspace(0, 2 * np.pi / n, 9)
     points = np.column_stack([(radius + r * sd) * np.cos(turn), (radius + r * sd) * np.sin(turn), np.full(9, 0.02)])
-    q = asked(points, sd)
+    q = point_question(points, sd)
     got = _core.details(body.shape(4), q.core(), np.eye(4)[None], np.zeros((1, 0)))[0][0, :, 0] * np.exp(q.log_outlier)
     on = np.linspace(-8 * sd / radius, 8 * sd / radius, 4001)
     gaps = (radius * np.cos(on) - radius - r * sd) ** 2 + (radius * np.sin(on)) ** 2

@@ -91,7 +91,7 @@ def test_the_gradient_is_exact_on_edges_and_corners(kind):
 
 @pytest.mark.parametrize("name", FLAT)
 def test_shifts_are_exact_for_uneven_noise_and_beams(name):
-    """Turning a part under uneven noise or a beam changes variances and cosines: that is left out."""
+    """A rotation of a part under uneven noise or a beam changes variances and cosines: the slope ignores that."""
     q, Ts, zs = scene(FLAT[name], 3, lambda q, normals, rng: directed(anisotropic(q, rng), normals, rng))
     assert off(FLAT[name], q, Ts, zs, slice(0, 3)).max() < 1e-4
     assert np.median(off(FLAT[name], q, Ts, zs, slice(3, 6))) < 0.5

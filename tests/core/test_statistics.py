@@ -1,4 +1,4 @@
-"""The posterior is what it says: ranks of the truth among its samples are uniform, errors are as large as told.
+"""The posterior is calibrated: ranks of the truth among its samples are uniform, errors follow the covariance.
 
 Truths are drawn from what is assumed: poses anywhere, points even over the surface, normal noise, some outliers.
 """
@@ -30,7 +30,7 @@ def parts(tmp_path_factory):
 
 
 def drawn(prepared, n, rng, rate):
-    """A pose, and points of the part there."""
+    """Return a pose, and points of the part there."""
     part, T = prepared.part, random_pose(rng)
     corners = part.vertices[part.triangles]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -51,7 +51,7 @@ def posterior(prepared, points, rng, rate):
 
 
 def rank(found, T):
-    """For three coordinates of a corner of the box: the probability of samples below the truth."""
+    """Return for three coordinates of a corner of the box the fraction of samples below the truth."""
     corner = found.modes[0].prepared.part.box[1]
     truth, below = SE3.apply(T, corner), np.zeros(3)
     for mode in found.modes:
@@ -60,7 +60,7 @@ def rank(found, T):
 
 
 def squared_error(mode, T):
-    """Of the pose, by the covariance that is told."""
+    """Return the squared error of the pose relative to the stated covariance."""
     xi = SE3.log(SE3.inverse(mode.T_world_part) @ T)
     return xi @ np.linalg.solve(mode.covariance, xi)
 
@@ -96,20 +96,20 @@ def error_by_plain_draws(mode, T, rng, draws=3000, freedom=5):
 
 
 @pytest.mark.parametrize(("scenes", "n"), [(40, 30), pytest.param(600, 30, marks=SLOW)])
-def test_errors_are_as_large_as_told(parts, scenes, n):
+def test_errors_follow_the_stated_covariance(parts, scenes, n):
     """By the likelihood itself, exactly; by the covariance of the answer, which may be a little too small.
 
     The truth may be in another mode, as improbable as that is: there an error counts as the largest of a thousand.
     """
-    told, plain = [], []
+    stated, plain = [], []
     for k in range(scenes):
         rng = np.random.default_rng((2, n, k))
         T, points = drawn(parts[k % len(parts)], n, rng, 0.02)
         mode = posterior(parts[k % len(parts)], points, rng, 0.02).modes[0]
         assert mode.probability > 0.5
-        told.append(squared_error(mode, T))
+        stated.append(squared_error(mode, T))
         plain.append(error_by_plain_draws(mode, T, rng))
     low, high = chi2.ppf([5e-4, 1 - 5e-4], 6 * scenes)
-    told, plain = np.minimum([told, plain], chi2.ppf(0.999, 6))
+    stated, plain = np.minimum([stated, plain], chi2.ppf(0.999, 6))
     assert low < plain.sum() < high
-    assert low < told.sum() < 1.15 * high
+    assert low < stated.sum() < 1.15 * high

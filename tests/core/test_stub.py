@@ -12,20 +12,22 @@ from tanteo._core import native
 STUB = ast.parse((Path(_core.__file__).parent / "native.pyi").read_text(encoding="utf-8"))
 
 
-def test_functions_have_the_arguments_that_the_stub_says():
-    said = {node.name: [arg.arg for arg in node.args.args] for node in STUB.body if isinstance(node, ast.FunctionDef)}
+def test_functions_have_the_arguments_of_the_stub():
+    declared = {
+        node.name: [arg.arg for arg in node.args.args] for node in STUB.body if isinstance(node, ast.FunctionDef)
+    }
     functions = {name: f for name, f in vars(native).items() if type(f).__name__ == "nb_func"}
     assert functions
-    assert said == {name: re.findall(r"(\w+): ", f.__doc__.partition(" -> ")[0]) for name, f in functions.items()}
+    assert declared == {name: re.findall(r"(\w+): ", f.__doc__.partition(" -> ")[0]) for name, f in functions.items()}
 
 
-def test_classes_have_the_properties_that_the_stub_says():
+def test_classes_have_the_properties_of_the_stub():
     nodes = [node for node in STUB.body if isinstance(node, ast.ClassDef)]
     functions = {node.name: [f for f in node.body if isinstance(f, ast.FunctionDef)] for node in nodes}
-    said = {name: {f.name for f in own if not f.name.startswith("_")} for name, own in functions.items()}
+    declared = {name: {f.name for f in own if not f.name.startswith("_")} for name, own in functions.items()}
     classes = {name: c for name, c in vars(native).items() if isinstance(c, type)}
-    assert said == {name: {f for f in vars(c) if not f.startswith("_")} for name, c in classes.items()}
+    assert declared == {name: {f for f in vars(c) if not f.startswith("_")} for name, c in classes.items()}
 
 
-def test_the_door_names_all_of_it():
+def test_the_package_names_every_function_of_the_stub():
     assert set(_core.__all__) == {name for name in vars(native) if not name.startswith("_")}

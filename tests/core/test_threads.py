@@ -13,12 +13,12 @@ SCRIPT = """
 import sys
 import numpy as np
 from core.bodies import flat_bodies
-from core.questions import asked, near_pose, random_pose, with_shared
+from core.questions import point_question, near_pose, random_pose, with_shared
 from tanteo import _core
 
 rng, body, T = np.random.default_rng(3), flat_bodies()["bracket"], random_pose(np.random.default_rng(4))
 p = rng.uniform(-0.03, 0.03, size=(200, 3))
-q = with_shared(asked(p @ T[:3, :3].T + T[:3, 3], 3e-3), 2, rng)
+q = with_shared(point_question(p @ T[:3, :3].T + T[:3, 3], 3e-3), 2, rng)
 Ts = np.stack([near_pose(T, rng, 5e-3, 0.1) for _ in range(120)])
 shape, core, zs = body.shape(), q.core(), np.zeros((120, 2))
 out = [

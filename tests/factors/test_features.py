@@ -1,4 +1,4 @@
-"""Features as points: the points say what the features say, no more and no less."""
+"""Features as points: the points carry exactly the information of the features."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FLIP = SE3.exp(np.array([0, 0, 0, np.pi, 0, 0]))
 
 
 def fitted_plane(rng, n=6):
-    """A plane through points of different noise."""
+    """Return a plane through points of different noise."""
     T, sds = random_pose(rng), rng.uniform(1e-4, 5e-4, n)
     at = rng.normal(size=(n, 2)) * [0.03, 0.01] + [0.02, -0.01]
     A = np.column_stack([np.ones(n), at[:, 1], -at[:, 0]])
@@ -26,7 +26,7 @@ def fitted_plane(rng, n=6):
 
 
 def fitted_edge(rng, n=5):
-    """An edge through points whose noise across it differs by direction, the same along it."""
+    """Return an edge through points whose noise across it differs by direction, the same along it."""
     T, x, R = random_pose(rng), rng.uniform(-0.04, 0.06, n), rng.normal(size=(2, 2))
     V = 1e-8 * (R @ R.T + np.eye(2))
     A = np.stack([[[1, 0, 0, s], [0, 1, -s, 0]] for s in x])
@@ -89,8 +89,8 @@ def test_shared_errors_move_points_with_the_feature():
         c, across = 1e-6 * rng.normal(size=2), [i for i in feature.kind.rows if i < 3]
         p = SE3.apply(SE3.inverse(feature.T_world_feature), points.points)
         moved = SE3.apply(SE3.exp(feature.kind.B.T @ (gain @ c)), p) - p
-        told = points.shared_jacobian @ (c / [2.0, 3.0]) @ feature.T_world_feature[:3, :3]
-        np.testing.assert_allclose(told[:, across], moved[:, across], rtol=1e-3, atol=1e-10)
+        stated = points.shared_jacobian @ (c / [2.0, 3.0]) @ feature.T_world_feature[:3, :3]
+        np.testing.assert_allclose(stated[:, across], moved[:, across], rtol=1e-3, atol=1e-10)
 
 
 def test_a_plane_of_unknown_side_has_no_side():
@@ -102,7 +102,7 @@ def test_a_plane_of_unknown_side_has_no_side():
         as_labelled_points([(bare, replace(other, support=np.zeros((0, 3))))])
 
 
-def test_a_plane_that_a_ball_touched_is_told_by_its_centres():
+def test_a_plane_touched_by_a_ball_is_given_by_its_centres():
     feature = replace(fitted_plane(np.random.default_rng(6)), tip_radius=3e-3)
     at, points = as_labelled_points([replace(feature, tip_radius=0.0)]), as_labelled_points([feature])
     assert points.radii == pytest.approx(3e-3)
@@ -115,7 +115,7 @@ def test_points_in_a_line_or_in_one_place_are_a_normal():
         assert as_labelled_points([replace(feature, support=support)]).oriented.tolist() == [True]
 
 
-def test_names_are_told_apart_and_misuse_is_refused():
+def test_names_are_distinguished_and_misuse_is_refused():
     feature = fitted_plane(np.random.default_rng(4))
     points = as_labelled_points([feature, replace(feature, label=""), feature])
     assert list(dict.fromkeys(points.ids)) == ["face", "feature 2", "face (3)"]

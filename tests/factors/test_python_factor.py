@@ -28,7 +28,7 @@ def block():
 
 
 def gauge(T, point, sd=SD, **more):
-    """A measurement of the world position of a point of the part, and its log density over an outlier of 1 m^3."""
+    """Return a measurement of the world position of a point of the part; outliers fill 1 m^3."""
     where = SE3.apply(T, point)
 
     def log_density(Ts, part):
@@ -82,8 +82,8 @@ def test_density_and_slopes_are_those_of_the_formula(block, rate, analytic):
     assert np.all(np.linalg.eigvalsh(information) > -1e-6 * np.abs(information).max())
 
 
-def test_a_gauge_tells_what_three_touches_leave_open(block):
-    """Two readings of points of the part beside points of one face: the pose is known as Bayes says."""
+def test_a_gauge_decides_what_three_touches_leave_open(block):
+    """Two readings of points of the part beside points of one face: the pose has the covariance of Bayes' rule."""
     rng = np.random.default_rng(4)
     T = box_centred_pose(rng)
     touches = scene(block, T, TOUCH, 12, rng)[0]
@@ -108,22 +108,22 @@ def test_a_factor_that_is_an_outlier_does_not_move_the_answer(block):
 
 
 def test_poses_that_a_factor_proposes_are_tried(block):
-    """Three points fix no pose by themselves; a factor that knows it proposes it."""
+    """Three points fix no pose by themselves; a factor that has the pose proposes it."""
     rng = np.random.default_rng(6)
     T = box_centred_pose(rng)
-    asked = []
+    calls = []
 
     def propose(part):
-        asked.append(part.name)
+        calls.append(part.name)
         return T[None]
 
     factor, _ = gauge(T, np.array([0.01, 0.02, 0.0]), propose=propose)
     identify_points(scene(block, T, TOUCH, 8, rng)[0], FreeRays.none(), [block], factors=[factor])
-    assert set(asked) == {block.part.name}
+    assert set(calls) == {block.part.name}
 
 
 @pytest.mark.parametrize(
-    ("log_density", "says"),
+    ("log_density", "message"),
     [
         (lambda Ts, part: np.zeros(len(Ts) + 1), "one number for each"),
         (lambda Ts, part: np.full(len(Ts), np.nan), "nan or inf"),
@@ -133,9 +133,9 @@ def test_poses_that_a_factor_proposes_are_tried(block):
         (lambda Ts, part: None, "one number for each|an array"),
     ],
 )
-def test_functions_that_return_something_else_are_refused(block, log_density, says):
+def test_functions_that_return_something_else_are_refused(block, log_density, message):
     core = compiled(block, PythonFactor(name="my gauge", log_density=log_density))
-    with pytest.raises(InputError, match=f"my gauge: .*(?:{says})"):
+    with pytest.raises(InputError, match=f"my gauge: .*(?:{message})"):
         _core.log_densities(block.shape, core, np.eye(4)[None], np.zeros((1, 0)))
 
 
@@ -151,12 +151,12 @@ def test_an_exception_of_the_function_reaches_the_caller(block):
 
 def test_a_gradient_that_is_none_is_refused(block):
     flat = lambda Ts, part: np.zeros(len(Ts))  # noqa: E731
-    for gradient, says in (
+    for gradient, message in (
         (lambda Ts, part: np.zeros(len(Ts)), "six numbers for each"),
         (lambda Ts, part: np.full((len(Ts), 6), np.nan), "finite numbers"),
     ):
         core = compiled(block, PythonFactor(name="my gauge", log_density=flat, gradient=gradient))
-        with pytest.raises(InputError, match=f"my gauge: .*gradient.*{says}"):
+        with pytest.raises(InputError, match=f"my gauge: .*gradient.*{message}"):
             _core.slopes(block.shape, core, np.eye(4)[None], np.zeros((1, 0)))
 
 

@@ -41,7 +41,7 @@ def compiled(target, lines):
 
 
 def plain(lines, points, T, z=None):
-    """The formula of the C++ file."""
+    """Return the value of the formula in the C++ file."""
     L = np.zeros((6, 6)) if lines.station is None else np.linalg.cholesky(lines.station)
     error = np.zeros(6) if z is None else L @ z
     log, each = 0.0, not isinstance(lines.through, str)
@@ -125,7 +125,7 @@ def test_lines_of_an_unlike_direction_are_outliers(block):
     np.testing.assert_allclose(both.T_world_part, alone.T_world_part, atol=2e-5)
 
 
-def test_points_behind_the_station_are_not_seen(block):
+def test_points_in_the_back_of_the_station_are_not_visible(block):
     lines = SightLines(origin=[0, 0, 1], directions=[[0, 0, 1.0]], angle_sd=0.1, through="corners")
     core, _ = compiled(block, lines)
     log = _core.log_densities(block.shape, core, np.eye(4)[None], np.zeros((1, 0)))[0]
@@ -133,7 +133,7 @@ def test_points_behind_the_station_are_not_seen(block):
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "message"),
     [
         ({"origin": [0, 0]}, "origin"),
         ({"directions": [0, 0, 1]}, "directions"),
@@ -147,9 +147,9 @@ def test_points_behind_the_station_are_not_seen(block):
         ({"station": -np.eye(6)}, "station"),
     ],
 )
-def test_arguments_that_make_no_sense_are_refused(change, says):
+def test_arguments_that_make_no_sense_are_refused(change, message):
     given = {"origin": [0, 0, 1], "directions": [[0, 0, -1]], "angle_sd": 1e-3} | change
-    with pytest.raises(InputError, match=says):
+    with pytest.raises(InputError, match=message):
         SightLines(**given)
 
 

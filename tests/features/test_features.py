@@ -190,9 +190,9 @@ def test_whitened_errors_keep_their_order_and_do_not_mix():
     """Eigenvectors of all of them together would be sorted by size, whichever error they are of."""
     large = SharedError("robot base", np.diag([4e-6, 9e-6, 1e-6]))
     small = SharedError("tip", 1e-8 * np.array([[2.0, 1.0], [1.0, 2.0]]))
-    alike = SharedError("bias", np.array([[4e-6]]))
-    root = shared_root([large, small, alike])
-    assert np.allclose(root @ root.T, stacked_covariance([large, small, alike]), rtol=1e-12, atol=1e-20)
+    same_name = SharedError("bias", np.array([[4e-6]]))
+    root = shared_root([large, small, same_name])
+    assert np.allclose(root @ root.T, stacked_covariance([large, small, same_name]), rtol=1e-12, atol=1e-20)
     assert np.allclose(root[:3, 3:], 0, atol=1e-15)
     assert np.allclose(root[3:5, 5:], 0, atol=1e-15)
     assert np.allclose(root[:3, :3], np.diag([2e-3, 3e-3, 1e-3]))

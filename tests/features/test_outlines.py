@@ -32,7 +32,7 @@ def made(kind, sd=1e-4, radius=RADIUS):
 
 
 def distances(kind, lines):
-    """Of the ends of lines from the ideal feature, in its frame."""
+    """Return the distances of the ends of lines from the ideal feature, in its frame."""
     x, y, z = np.moveaxis(SE3.apply(SE3.inverse(T), lines.reshape(-1, 3)), -1, 0)
     across = np.hypot(x, y)
     return {

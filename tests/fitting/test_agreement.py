@@ -25,7 +25,7 @@ def two_rows(n, half=0.015, apart=0.04):
 
 
 def scales(row):
-    """The scale of each of two sensors that look down from :data:`RANGE`, an error that its readings share."""
+    """Return the scale error of two sensors that measure down from :data:`RANGE`; all their readings share it."""
     jacobian = RANGE * DOWN[:, None]
     return [
         (SharedError(f"scale {k}", np.array([[SCALE**2]])), np.where((row == k)[:, None, None], jacobian, 0.0))
@@ -34,7 +34,7 @@ def scales(row):
 
 
 def drawn(places, row, rng):
-    """Readings of a surface with their noise and the errors that each row shares."""
+    """Return readings of a surface with their noise and the errors that each row shares."""
     shared = SCALE * RANGE * rng.normal(size=2)
     return places + np.column_stack([np.zeros((len(row), 2)), SD * rng.normal(size=len(row)) + shared[row]])
 
@@ -54,7 +54,7 @@ def test_p_values_are_uniform_on_a_plane():
     n, p = 400, {"all": [], "bend": [], "worst": []}
     for seed in range(n):
         report, bend, _ = fitted(drawn(places, row, np.random.default_rng(seed)), row)
-        assert bend.dof == 2  # two straight rows tell two of the three: no curvature across them
+        assert bend.dof == 2  # two straight rows determine two of the three: no curvature across them
         for name, value in zip(p, (report.p_value, bend.p_value, report.p_worst), strict=True):
             p[name].append(value)
     low, high = binom.ppf([0.001, 0.999], n, 0.1)
@@ -127,19 +127,19 @@ def test_one_wrong_reading_of_eighty_is_named():
 
 def test_covariance_covers_what_a_plane_leaves_of_a_curved_face():
     """A cylinder of one metre, sensed over 90 mm: no reading of it is wrong."""
-    rng, off, said = np.random.default_rng(2), [], 0
+    rng, off, reported = np.random.default_rng(2), [], 0
     for _ in range(60):
         xy = rng.uniform(-0.045, 0.045, (12, 2))
         found = labelled(np.column_stack([xy, -(xy[:, 0] ** 2) / 2.0 + SD * rng.normal(size=12)]))
         bent = [note for note in found.notes if "on a curved surface" in note]
         if bent:
             assert "label of its own" in bent[0]
-            said += not found.rejected
+            reported += not found.rejected
             plane = found.features[0]
             x, y, z = plane.T_world_feature[2, :3]  # of the tangent at the middle, in the plane
             error = np.array([-y / z, x / z])
             off.append(error @ np.linalg.solve(plane.P[1:, 1:], error) / 2)
-    assert said >= 55
+    assert reported >= 55
     assert np.mean(off) < 1.5
 
 
@@ -155,7 +155,7 @@ def test_a_wrong_reading_is_no_bend(n, least):
     assert named >= least
 
 
-def test_a_plane_is_rarely_said_to_bend():
+def test_a_plane_is_rarely_reported_as_bent():
     rng, notes = np.random.default_rng(3), 0
     for _ in range(300):
         points = np.column_stack([rng.uniform(-0.05, 0.05, (9, 2)), SD * rng.normal(size=9)])

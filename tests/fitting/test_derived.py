@@ -24,7 +24,7 @@ def inside(nees, dof):
 
 
 @pytest.mark.parametrize("k", [2, 3, 5])
-def test_common_point_of_lines_is_as_uncertain_as_it_says(k):
+def test_common_point_of_lines_follows_its_covariance(k):
     rng = np.random.default_rng(k)
     X, u = rng.normal(size=3), rng.normal(size=(k, 3))
     u /= np.linalg.norm(u, axis=1, keepdims=True)
@@ -73,7 +73,7 @@ def test_derived_features_inherit_a_rigid_base_exactly():
     np.testing.assert_allclose(one_only.shared[0].jacobian, K1 @ planes[0].shared[0].jacobian, atol=1e-9)
 
 
-def test_edge_of_two_planes_is_as_uncertain_as_it_says():
+def test_edge_of_two_planes_follows_its_covariance():
     rng = np.random.default_rng(5)
     T1, T2 = SE3.exp(rng.normal(size=(2, 6)))
     near = np.array([0.05, 0.02, 0.1])

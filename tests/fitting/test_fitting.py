@@ -62,7 +62,7 @@ def perturbation(kind, T_hat, T):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_fits_are_as_uncertain_as_they_say(name):
+def test_fits_follow_their_covariance(name):
     fit, kind, make, _ = CASES[name]
     rng = np.random.default_rng(1)
     truth, T = make(rng), random_frame(rng)
@@ -102,8 +102,8 @@ def test_fits_are_stationary_points_of_the_exact_likelihood(name):
     np.testing.assert_allclose(chi2(found.T), found.chi2, rtol=1e-12)
     h = 1e-4 * np.sqrt(np.diag(found.P))
     for k, row in enumerate(kind.B):
-        ahead, behind = (chi2(found.T @ SE3.exp(s * h[k] * row)) for s in (1, -1))
-        slope = (ahead - behind) / 2e-4  # per standard deviation
+        ahead, back = (chi2(found.T @ SE3.exp(s * h[k] * row)) for s in (1, -1))
+        slope = (ahead - back) / 2e-4  # per standard deviation
         assert abs(slope) < 1e-5
 
 
@@ -203,13 +203,13 @@ def test_thickness_feels_range_bias_twice_with_the_hand_turned():
     assert thickness.covariance[0, 0] == pytest.approx(4e-8, rel=1e-2)
 
 
-def test_the_outward_side_comes_from_any_of_three_hints():
+def test_any_of_three_columns_gives_the_outward_side():
     rng = np.random.default_rng(9)
     points, covs = on_plane(5, rng), noise(5, rng, 1e-5)[0]
     down = np.tile([0.1, 0.0, -1.0], (5, 1))
-    for hint in ({"outward": [0, 0, 2.0]}, {"directions": down}, {"normals": -down}):
-        assert ft.fit_plane(points, covs, **hint)[0].T_world_feature[2, 2] > 0.99
-        mirrored = {key: -np.asarray(value) for key, value in hint.items()}
+    for given in ({"outward": [0, 0, 2.0]}, {"directions": down}, {"normals": -down}):
+        assert ft.fit_plane(points, covs, **given)[0].T_world_feature[2, 2] > 0.99
+        mirrored = {key: -np.asarray(value) for key, value in given.items()}
         assert ft.fit_plane(points, covs, **mirrored)[0].T_world_feature[2, 2] < -0.99
     with pytest.raises(InputError, match="which side is outside"):
         ft.fit_plane(points, covs)

@@ -52,31 +52,31 @@ def test_a_wrong_reading_is_dropped_and_named_with_its_distance():
 
 
 def of_another_face(n):
-    """A face sensed ``n`` times from above, the last time really the one on the other side; and where it looked."""
+    """Return ``n`` readings of a face from above, the last one of the opposite face, and their beams."""
     rng = np.random.default_rng(5)
-    points, looks = plane_points(n, rng, span=0.02), down(n)
-    points[-1], looks[-1] = (0.01, 0.0, -0.05), (0.0, 0.0, 1.0)
-    return points, looks
+    points, beams = plane_points(n, rng, span=0.02), down(n)
+    points[-1], beams[-1] = (0.01, 0.0, -0.05), (0.0, 0.0, 1.0)
+    return points, beams
 
 
 @pytest.mark.parametrize("column", ["directions", "normals"])
-def test_a_reading_of_another_side_is_left_aside_by_name(column):
-    points, looks = of_another_face(4)
+def test_a_reading_of_another_side_is_excluded_by_name(column):
+    points, beams = of_another_face(4)
     extra = {"normal_sds": np.full(4, 0.05)} if column == "normals" else {}
-    found = fit(points, **{column: -looks if column == "normals" else looks}, **extra)
+    found = fit(points, **{column: -beams if column == "normals" else beams}, **extra)
     assert found.rejected == ("4",)
     assert found.rejected_by[0] == pytest.approx(0.05, rel=0.1)
     assert found.features[0].readings == ("1", "2", "3")
 
 
 def test_a_label_of_unlike_sides_is_left_out_beside_others():
-    points, looks = of_another_face(3)
+    points, beams = of_another_face(3)
     others = plane_points(5, np.random.default_rng(6)) + np.array([0, 0, 0.03])
-    found = fit(np.concatenate([points, others]), ("a",) * 3 + ("b",) * 5, directions=np.concatenate([looks, down(5)]))
+    found = fit(np.concatenate([points, others]), ("a",) * 3 + ("b",) * 5, directions=np.concatenate([beams, down(5)]))
     assert [f.label for f in found.features] == ["b"]
     assert "'a' was left out" in found.notes[0]
     with pytest.raises(InputError, match="which side is outside"):
-        fit(points, ("a",) * 3, directions=looks)
+        fit(points, ("a",) * 3, directions=beams)
 
 
 def test_a_clean_group_loses_no_reading():
@@ -84,7 +84,7 @@ def test_a_clean_group_loses_no_reading():
     assert lost <= 3  # one in a thousand each
 
 
-def test_scatter_that_is_everywhere_widens_cov_and_is_said():
+def test_general_scatter_widens_covariance_and_is_reported():
     rng = np.random.default_rng(3)
     wide = fit(plane_points(12, rng, sd=5 * SD), directions=down(12))
     fair = fit(plane_points(12, np.random.default_rng(3), sd=5 * SD), directions=down(12), sd=5 * SD)
@@ -175,7 +175,8 @@ def test_edges_and_vertices_by_their_kind():
 
 
 def test_a_tip_error_with_turning_hand_is_not_taken_for_scatter():
-    """A tip beside where it is believed and a hand that turns between touches are said beforehand: nothing is wrong."""
+    """A tip off its stated place and a hand that rotates between touches are part of the stated errors: no
+    rejection."""
     tip_sd, wrong = np.array([1.5e-3, 1.5e-3, 0.3e-3]), 0
     for seed in range(100):
         rng = np.random.default_rng(seed)

@@ -23,7 +23,7 @@ def noise(n, rng, sd=SD):
 
 
 def sensed(kind, arc, n, rng, sd=SD):
-    """A frame, points on the feature in the world with noise, covariances, and vectors away from the axis."""
+    """Return a frame, points on the feature in the world with noise, covariances, and vectors away from the axis."""
     T = random_frame(rng)
     q, N = round_points(kind, arc, n)
     covs, L = noise(n, rng, sd)
@@ -37,7 +37,7 @@ def inside(values, dof):
 
 @pytest.mark.parametrize("arc", [360, 180, 90])
 @pytest.mark.parametrize("kind", ROUND)
-def test_round_fits_are_as_uncertain_as_they_say(kind, arc):
+def test_round_fits_follow_their_covariance(kind, arc):
     rng = np.random.default_rng(arc)
     T, (q, out) = random_frame(rng), round_points(kind, arc, 12)
     covs, L = noise(12, rng)
@@ -215,16 +215,16 @@ def test_a_known_radius_settles_a_short_arc():
     _, points, covs, away = sensed("cylinder", 35, 24, rng)
     out = {"directions": -away}
     free, _ = ft.fit_round(CYLINDER, points, covs, **out)
-    held, _ = ft.fit_round(CYLINDER, points, covs, size=RADIUS, **out)
+    fixed, _ = ft.fit_round(CYLINDER, points, covs, size=RADIUS, **out)
     loose, _ = ft.fit_round(CYLINDER, points, covs, size=RADIUS, size_sd=1e-7, **out)
     after, distance = ft.with_known_size(free, RADIUS)
-    sds = [np.sqrt(f.P[:2, :2].trace()) for f in (free, held, loose, after)]
+    sds = [np.sqrt(f.P[:2, :2].trace()) for f in (free, fixed, loose, after)]
     assert sds[1] < 0.4 * sds[0]
     assert sds[1:] == pytest.approx([sds[1]] * 3, rel=0.03)
     assert distance < 10
-    np.testing.assert_allclose(after.T_world_feature[:3, 2], held.T_world_feature[:3, 2], atol=5e-4)
+    np.testing.assert_allclose(after.T_world_feature[:3, 2], fixed.T_world_feature[:3, 2], atol=5e-4)
     with pytest.raises(InputError, match="fitted size"):
-        ft.with_known_size(held, RADIUS)
+        ft.with_known_size(fixed, RADIUS)
 
 
 def test_sides_that_contradict_each_other_are_refused():
@@ -306,7 +306,7 @@ def test_holes_and_their_face_count_the_face_once():
         ft.circle_on_plane(ring, covs, a)
 
 
-def test_finished_features_and_what_they_must_say():
+def test_finished_features_and_their_required_columns():
     hole = ft.given_round(CIRCLE, [0.1, 0, 0], [1e-5, 1e-5, 1e-4], axis=[0, 0, 2], axis_sd=1e-3, size=3e-3)
     np.testing.assert_allclose(np.sqrt(np.diag(hole.P)), [1e-5, 1e-5, 1e-4, 1e-3, 1e-3])
     assert (hole.radius, hole.half_angle, hole.convex) == (3e-3, None, None)

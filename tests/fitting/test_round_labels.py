@@ -76,7 +76,7 @@ def test_what_is_too_short_is_left_out_with_the_reason():
     assert "not observable" in found.notes[0]
 
 
-def test_scatter_widens_size_and_frame_alike():
+def test_scatter_widens_size_and_frame_equally():
     rng = np.random.default_rng(3)
     points, directions = sensed("cylinder")
     clean = fit("cylinder", points, directions=directions).features[0]

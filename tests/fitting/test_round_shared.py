@@ -16,12 +16,12 @@ SD, SHARED_SD, N, TRIALS = 2e-6, 1e-5, 16, 120
 
 
 def turned_tip(rng, away):
-    """An offset of the tip, which the hand carries along as it turns between touches."""
+    """Return an offset of the tip in the frame of the hand, which rotates between touches."""
     return SharedError("tip offset", SHARED_SD**2 * np.eye(3)), SO3.exp(0.7 * rng.normal(size=(len(away), 3)))
 
 
 def larger_ball(rng, away):
-    """A ball that is larger than stated, on bosses."""
+    """Return the error of a ball that is larger than stated, on bosses."""
     return SharedError("ball", np.array([[SHARED_SD**2]])), -away[..., None]
 
 
@@ -45,7 +45,7 @@ def off(kind, make, known, seed, trials=TRIALS):
 
 
 @pytest.mark.parametrize("kind", ["circle", "cylinder", "cone", "sphere"])
-def test_a_tip_that_turns_with_the_hand_is_told_from_the_feature(kind):
+def test_a_rotating_tip_is_separated_from_the_feature(kind):
     """The offset would move single points by ten micrometres; its like is found out of sixteen of them."""
     e, C = off(kind, turned_tip, False, 1)
     total, dim = nees(e, C).sum(), e.shape[1]

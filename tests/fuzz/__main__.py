@@ -30,7 +30,7 @@ KEPT = Path(__file__).parents[2] / "build" / "fuzz"
 
 
 def kind_of(k, seed, kinds):
-    """What input ``k`` is a file of: fewer are slow ones, unless kinds were named."""
+    """Return the kind of file of input ``k``; slow kinds are rarer unless kinds were named."""
     shares = np.array([SHARES.get(kind, 1.0) if len(kinds) == len(READERS) else 1.0 for kind in kinds])
     return str(np.random.default_rng((seed, k, 1)).choice(kinds, p=shares / shares.sum()))
 
@@ -60,19 +60,19 @@ class Worker:
         other.close()
 
     def give(self, job):
-        """The next input."""
+        """Send the next input."""
         self.job, self.since = job, time.monotonic()
         self.pipe.send(job[1:])
 
-    def ask(self, kind, path):
-        """The memory that a whole file needs."""
+    def measure_memory(self, kind, path):
+        """Measure the memory that a whole file needs."""
         self.pipe.send((kind, path.name, path.read_bytes()))
         word, trace, memory, _ = self.pipe.recv()
         assert word == "read", f"{path}: {word} {trace}"
         self.base = max(self.base, memory)
 
     def result(self):
-        """What came of it, if it has ended in whatever way."""
+        """Return the outcome of an input once its process has ended."""
         try:
             if self.pipe.poll(0.005):
                 word, trace, memory, seconds = self.pipe.recv()
@@ -90,11 +90,11 @@ class Worker:
 
 
 def begun(folder, files, kinds):
-    """A worker that has read every file as it was."""
+    """Return a worker that has read every undamaged file."""
     worker = Worker(folder)
     for kind in kinds:
         for path in files[kind]:
-            worker.ask(kind, path)
+            worker.measure_memory(kind, path)
     return worker
 
 
@@ -117,9 +117,9 @@ def run(count, seed, kinds, workers=2):
                         continue
                     kind = kind_of(k, seed, kinds)
                     worker.give((k, kind, *spoiled(k, seed, kind, files)))
-                elif (said := worker.result()) is not None:
+                elif (outcome := worker.result()) is not None:
                     k, kind, name, content = worker.job
-                    word, trace, seconds = said
+                    word, trace, seconds = outcome
                     table[kind][word] += 1
                     slowest[kind] = max(slowest[kind], seconds)
                     worker.job = None

@@ -11,15 +11,15 @@ WORDS = (
     b"9223372036854775808", b"99999999999999999999", b"\r", b"\n\n", b";", b",", b"\t", b'"', b"'", b"<", b"]]>", b"[",
     b"{", b"}", b"()", b"#", b"=", b"&amp;", b"*a", b"&a", b"\xc3", b"\xed\xa0\x80", b"../../etc", b"None", b"true",
 )  # fmt: skip
-"""What stands where nobody expects it."""
+"""Values at unexpected places."""
 
 NUMBER = re.compile(rb"-?\d+(?:\.\d+)?")
 LARGE = 60_000
-"""Only so much of a file is spoiled at a time: its beginning says what it is."""
+"""Largest damaged length of a file at a time: its beginning identifies it."""
 
 
 def mutated(content: bytes, rng) -> bytes:
-    """The content with one to four changes; now and then all of them inside one member of an archive."""
+    """Return the content with one to four changes; sometimes all of them inside one member of an archive."""
     if content[:2] == b"PK" and rng.random() < 0.8:
         return _in_archive(content, rng)
     data = bytearray(content)
@@ -51,37 +51,37 @@ def _piece(data, rng):
 
 
 def flip(data, rng):
-    """One bit is the other."""
+    """Flip one bit."""
     if data:
         k = min(_at(data, rng), len(data) - 1)
         data[k] ^= 1 << int(rng.integers(8))
 
 
 def put(data, rng):
-    """A word that was not there."""
+    """Insert a word."""
     k = _at(data, rng)
     data[k:k] = WORDS[int(rng.integers(len(WORDS)))]
 
 
 def drop(data, rng):
-    """A piece is gone."""
+    """Delete a piece."""
     start, stop = _piece(data, rng)
     del data[start:stop]
 
 
 def double(data, rng):
-    """A piece comes twice, or a hundred times."""
+    """Repeat a piece twice or a hundred times."""
     start, stop = _piece(data, rng)
     data[start:start] = bytes(data[start:stop]) * int(rng.choice([1, 100]))
 
 
 def cut(data, rng):
-    """The end is gone."""
+    """Cut the end."""
     del data[_at(data, rng) :]
 
 
 def number(data, rng):
-    """A number is another."""
+    """Replace a number by another."""
     found = list(NUMBER.finditer(bytes(data[:LARGE])))
     if found:
         one = found[int(rng.integers(len(found)))]
@@ -99,7 +99,7 @@ def lines(data, rng):
 
 
 def noise(data, rng):
-    """A piece is of anything."""
+    """Replace a piece by random bytes."""
     start, stop = _piece(data, rng)
     stop = min(stop, len(data))
     data[start:stop] = rng.bytes(max(stop - start, 0))

@@ -21,19 +21,19 @@ from tanteo.errors import InputError, PartError
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def read_aside(path, workers=1):
-    """In another process, as CAD files are; what cannot be read is a failure, not an exception."""
+def read_in_process(path, workers=1):
+    """Read a file in another process; a file that cannot be read is a failure, not an exception."""
     for failure in read_parts([path], unit="mm", cache=False, workers=workers).failures:
         raise PartError(failure.reason)
 
 
 def read_mesh(path):
-    """In this process, as few small meshes are."""
-    read_aside(path, workers=0)
+    """Read a small mesh in this process."""
+    read_in_process(path, workers=0)
 
 
 def read_entry(path):
-    """An entry of the cache that is not what was written: the part is read anew, and is the part."""
+    """Read a part whose cache entry is damaged; the part is read again from its file and is equal."""
     name, kind = path.name.split(".", 1)
     entry = cache.cache_folder() / "parts" / name[:2] / f"{name}.{kind}"
     entry.parent.mkdir(parents=True, exist_ok=True)
@@ -46,7 +46,7 @@ def read_entry(path):
 
 
 def read_catalogue(path):
-    """A catalogue of which one file is not as it was written: its parts are those that were, or it is refused."""
+    """Read a catalogue with one damaged file; its parts are unchanged, or it is refused."""
     whole = path.parent / "seeds" / "catalogue"
     folder = path.with_name(f"{path.name}-of")
     shutil.rmtree(folder, ignore_errors=True)
@@ -63,14 +63,14 @@ def read_catalogue(path):
 
 
 def read_log(path):
-    """Whatever other programs write, told what it needs."""
+    """Read a log of another program with the options that it needs."""
     tanteo.read_readings(path, **CASES[path.name][2])
 
 
 def answer(path):
-    """What the command line says of readings: one document or one error, and an exit code."""
-    said, out = io.StringIO(), io.StringIO()
-    with redirect_stdout(out), redirect_stderr(said):
+    """Run the command line on readings; it prints one document or one error, and returns an exit code."""
+    error_stream, out = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(error_stream):
         try:
             main(
                 [
@@ -86,7 +86,7 @@ def answer(path):
         except SystemExit as ended:
             code = ended.code or 0
     if code == 1:
-        raise InputError(said.getvalue() if not out.getvalue() else "")
+        raise InputError(error_stream.getvalue() if not out.getvalue() else "")
     assert code in (0, 3), code
     assert json.loads(out.getvalue())["schema"] == "tanteo.recognition/1"
 
@@ -95,7 +95,7 @@ READERS = {
     "readings": tanteo.read_readings,
     "log": read_log, "rig": tanteo.read_rig, "scene": tanteo.io.read_scene,
     "prior": tanteo.io.read_prior, "record": tanteo.io.read_record, "camera": tanteo.read_camera,
-    "marks": tanteo.io.read_marks, "image": tanteo.read_image, "mesh": read_mesh, "step": read_aside,
+    "marks": tanteo.io.read_marks, "image": tanteo.read_image, "mesh": read_mesh, "step": read_in_process,
     "cache": read_entry, "catalogue": read_catalogue,
     "answer": answer,
 }  # fmt: skip
@@ -174,7 +174,7 @@ def _images(folder):
 
 
 def _record(folder):
-    """A session of two readings."""
+    """Return a session of two readings."""
     path = folder / "session.json"
     part = read_parts([folder / "box.stl"], unit="mm", workers=0)["box"]
     place = tanteo.at_place([part], np.eye(4), np.diag([1e-4] * 3 + [1e-2] * 3))

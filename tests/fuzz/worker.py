@@ -20,20 +20,20 @@ def peak():
 
 
 def outcome(reader, path):
-    """What a reader makes of a file: a word, and the trace of what should not have been."""
+    """Return what a reader makes of a file: a word, and the trace of an unexpected exception."""
     try:
         reader(path)
     except TanteoError as error:
         text = str(error)
         word = "refused" if text.strip() and len(text) < 2000 else "mute or endless message"
         return word, text[:300]
-    except BaseException:  # noqa: BLE001 - which one it is, is what is asked
+    except BaseException:  # noqa: BLE001 - the caller needs the exception
         return "traceback", traceback.format_exc()
     return "read", ""
 
 
 def serve(pipe, folder):
-    """A worker: takes kind, name and content, answers what came of it and the memory needed so far."""
+    """Serve as a worker: take kind, name and content, return the outcome and the largest memory so far."""
     os.environ["TANTEO_CACHE"] = str(folder / f"cache-{os.getpid()}")
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 2)  # libraries complain there
@@ -44,5 +44,5 @@ def serve(pipe, folder):
             (path.parent / "seeds").symlink_to(folder)
         path.write_bytes(content)
         start = time.monotonic()
-        said = outcome(READERS[kind], path)
-        pipe.send((*said, peak(), time.monotonic() - start))
+        ended = outcome(READERS[kind], path)
+        pipe.send((*ended, peak(), time.monotonic() - start))

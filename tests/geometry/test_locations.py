@@ -63,8 +63,8 @@ class TestLaws:
         np.testing.assert_allclose(E @ geometry.K_r(x), np.broadcast_to(np.eye(3), E.shape), atol=1e-14)
         Rt = SO3.inverse(SE3.rotation(geometry.loc_to_matrix(x)))
         for k, step in enumerate(H * np.eye(6)[3:]):
-            ahead, behind = (Rt @ SE3.rotation(geometry.loc_to_matrix(x + s)) for s in (step, -step))
-            rate = (SO3.log(ahead) - SO3.log(behind)) / (2 * H)
+            ahead, minus = (Rt @ SE3.rotation(geometry.loc_to_matrix(x + s)) for s in (step, -step))
+            rate = (SO3.log(ahead) - SO3.log(minus)) / (2 * H)
             np.testing.assert_allclose(E[..., :, k], rate, atol=1e-9)
 
     def test_composition_jacobians(self, batch):

@@ -55,7 +55,7 @@ def test_flat_forms(batch):
 
 
 def errors_of(T, truth, convention):
-    """What each convention says of a true frame, written out from its definition."""
+    """Return the result of each convention for a true frame, written out from its definition."""
     if convention == TANTEO:
         return SE3.log(SE3.inverse(T) @ truth)
     if convention == GTSAM:
@@ -72,8 +72,8 @@ def test_gain_is_the_derivative_of_the_definition(convention):
     T, h = uncertain(4, (5,)).T, 1e-6
     G = geometry.convention_jacobian(T, convention)
     for k, step in enumerate(h * np.eye(6)):
-        ahead, behind = (errors_of(T, T @ SE3.exp(s), convention) for s in (step, -step))
-        np.testing.assert_allclose(G[..., k], (ahead - behind) / (2 * h), atol=1e-8)
+        ahead, minus = (errors_of(T, T @ SE3.exp(s), convention) for s in (step, -step))
+        np.testing.assert_allclose(G[..., k], (ahead - minus) / (2 * h), atol=1e-8)
 
 
 @pytest.mark.parametrize("convention", [TANTEO, ROS, GTSAM, SPATIAL])

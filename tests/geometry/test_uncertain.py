@@ -287,7 +287,7 @@ class TestRefusals:
                 geometry.compose(a, a, cross, order=order)
 
 
-def test_metres_beside_radians_are_judged_alike():
+def test_metres_and_radians_are_judged_equally():
     tiny = np.diag([1e-18] * 3 + [1e-2] * 3)  # nanometres beside a tenth of a radian
     np.testing.assert_array_equal(UncertainFrame(np.eye(4), tiny).C, tiny)
 

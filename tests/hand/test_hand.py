@@ -93,7 +93,7 @@ def test_bodies_that_are_none(centres, radii):
         Body(np.array(centres), np.array(radii))
 
 
-def test_a_hand_knows_its_frontal_pair(rig):
+def test_a_hand_has_its_frontal_pair(rig):
     hand = Hand(rig, gripper_body(rig))
     assert [rig.sensors[i].name for i in hand.frontal] == ["front_left", "front_right"]
     np.testing.assert_allclose(hand.pair, [1, 0, 0], atol=1e-12)

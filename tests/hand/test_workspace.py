@@ -54,10 +54,10 @@ def test_bounds_and_boxes_in_their_order():
         (True, False, False), (False, True, False), (True, False, False), (False, False, True)
     ]  # fmt: skip
     point = np.array([0.0, 0.2, 0.5])
-    rooms, away = space.clearances(point)
-    np.testing.assert_allclose(rooms[:3], [0.2, 0.5, 0.8])
+    found, away = space.clearances(point)
+    np.testing.assert_allclose(found[:3], [0.2, 0.5, 0.8])
     np.testing.assert_allclose(away[:3], [[0, 1, 0], [0, 0, 1], [0, -1, 0]])
-    assert rooms[3] == BOX.distances(point)[0]
+    assert found[3] == BOX.distances(point)[0]
     np.testing.assert_array_equal(away[3], BOX.distances(point)[1])
 
 
@@ -107,10 +107,10 @@ def test_limits_that_are_none(make, message):
         make()
 
 
-@pytest.mark.parametrize("room", [0.0, 0.03])
-def test_a_way_leads_through_a_box_if_some_place_is_inside(room):
+@pytest.mark.parametrize("margin", [0.0, 0.03])
+def test_a_way_leads_through_a_box_if_some_place_is_inside(margin):
     """Against many places on every way; ways along a side of the box, too."""
-    rng, box = np.random.default_rng(2), ForbiddenBox("same", BOX.low - room, BOX.high + room, POSED)
+    rng, box = np.random.default_rng(2), ForbiddenBox("same", BOX.low - margin, BOX.high + margin, POSED)
     starts, ends = rng.uniform(-0.4, 0.6, (2, 3000, 3))
     ends[::3, 0], ends[::7, 1:] = starts[::3, 0], starts[::7, 1:]
     starts, ends = SE3.apply(POSED, starts), SE3.apply(POSED, ends)
@@ -118,7 +118,7 @@ def test_a_way_leads_through_a_box_if_some_place_is_inside(room):
     gaps = box.distances(places)[0].min(axis=1)
     sure = np.abs(gaps) > 2e-3
     assert 300 < (gaps[sure] < 0).sum() < 2000
-    np.testing.assert_array_equal(BOX.crossed(starts, ends, room)[sure], gaps[sure] < 0)
+    np.testing.assert_array_equal(BOX.crossed(starts, ends, margin)[sure], gaps[sure] < 0)
 
 
 def test_a_way_along_a_box_does_not_lead_through_it():

@@ -1,4 +1,4 @@
-"""Recordings of ROS: what they say in the world at their stamps, whatever stores them; what is wrong with them."""
+"""Recordings of ROS: poses in the world at their stamps for every storage format; damaged recordings."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ def test_what_came_twice_counts_once(tmp_path):
     assert any("2 of 4 readings came twice" in note for note in readings.notes)
 
 
-def test_a_frame_with_two_parents_is_said(tmp_path):
+def test_a_frame_with_two_parents_is_reported(tmp_path):
     recording = Recording("mcap").moving()
     recording.transform("/tf_static", 0.0, "flange", "sensor", T_HAND_SENSOR)
     recording.range(0.5, 0.2)
@@ -243,7 +243,7 @@ def test_of_two_topics_of_hand_poses_one_is_named(tmp_path):
     assert len(read_readings(path, topics=["/hand"])) == 1
 
 
-def test_a_recording_without_readings_says_so(tmp_path):
+def test_a_recording_without_readings_is_reported(tmp_path):
     with pytest.raises(ReadingsError, match=r"sensor_msgs/Range or geometry_msgs/PointStamped, got none"):
         read_readings(Recording("mcap").moving().write(tmp_path))
 

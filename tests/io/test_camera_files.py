@@ -233,7 +233,7 @@ def test_a_rectified_image_has_the_projection(tmp_path):
     assert ini.K.tolist() == [[500, 0, 320], [0, 500, 240], [0, 0, 1]]
 
 
-def test_rectified_without_a_projection_is_said(tmp_path):
+def test_rectified_without_a_projection_is_reported(tmp_path):
     camera = read_camera(written(tmp_path, NO_LENS), rectified=True)
     assert camera.K[0].tolist() == [620, 0, 317]
     assert "no projection_matrix" in camera.notes[0]
@@ -337,7 +337,7 @@ def test_the_camera_s_place_is_read_in_metres(tmp_path):
 
 
 @pytest.mark.parametrize(("line", "sd"), [("", USUAL_EDGE_SD), ("edge_sd_px: 0\n", 0.0), ("edge_sd_px: 0.15\n", 0.15)])
-def test_how_exact_the_camera_is_may_be_said(tmp_path, line, sd):
+def test_the_accuracy_of_the_camera_may_be_stated(tmp_path, line, sd):
     path = tmp_path / "camera.yaml"
     path.write_text(ROS_YAML + line)
     assert read_camera(path).edge_sd == sd

@@ -1,4 +1,4 @@
-"""Centres of holes and bosses in tables and reports: which rows they are, what is said, what is refused."""
+"""Centres of holes and bosses in tables and reports: their rows, messages, and what is refused."""
 
 from __future__ import annotations
 
@@ -169,13 +169,13 @@ def test_single_rows_of_spheres_and_cones_are_centres_and_apexes(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         (",45,", ",95,", "half angle of a cone below"),
         (",20,,boss", ",20,45,boss", "got two of them"),
         (",45,", ",0,", "positive"),
     ],
 )
-def test_half_angles_that_are_none_are_refused(tmp_path, old, new, said):
-    with pytest.raises(ReadingsError, match=said):
+def test_half_angles_that_are_none_are_refused(tmp_path, old, new, message):
+    with pytest.raises(ReadingsError, match=message):
         read_readings(table(tmp_path, BALLS.replace(old, new)))

@@ -1,4 +1,4 @@
-"""Whatever the bytes are: readings, or an error of ours that names the file. Never another exception."""
+"""Any bytes give readings or a tanteo error that names the file, never another exception."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def tables(draw):
     return "\n".join([",".join(names), *(",".join(row) for row in rows)])
 
 
-def settle(path):
+def check_file(path):
     """Read; what is read is whole, what is refused names the file."""
     readings, complaint = None, ""
     try:
@@ -75,7 +75,7 @@ def settle(path):
 def test_tables(tmp_path, text):
     path = tmp_path / "r.csv"
     path.write_text(text, encoding="utf-8", errors="surrogatepass", newline="")
-    settle(path)
+    check_file(path)
 
 
 @RELAXED
@@ -83,7 +83,7 @@ def test_tables(tmp_path, text):
 def test_bytes(tmp_path, content):
     path = tmp_path / "r.csv"
     path.write_bytes(content)
-    settle(path)
+    check_file(path)
 
 
 @RELAXED

@@ -136,7 +136,7 @@ def test_three_two_one_is_usable(tmp_path):
     assert "those of 'front' (2), 'left' (1) are used as unlabelled points" in note
 
 
-def test_what_is_beside_in_a_report_is_said(tmp_path):
+def test_other_columns_of_a_report_are_named(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text("Point;Actual X [mm];Actual Y [mm];Actual Z [mm];Nominal X;Dev X;Time\nP1;1,5;2;3;1;0,5;12:01\n")
     readings = read_readings(path)

@@ -20,7 +20,7 @@ def rng():
 
 
 def random_frame(rng, sds=None):
-    """A pose anywhere and a covariance with correlations."""
+    """Return a pose anywhere and a covariance with correlations."""
     A = rng.normal(size=(6, 6))
     C = A @ A.T / 6 + 0.2 * np.eye(6)
     scale = 10 ** rng.uniform(-7, -2, 2) if sds is None else np.array(sds)
@@ -53,8 +53,8 @@ def test_what_each_controller_reads():
     at = UncertainFrame(
         SE3.from_parts(SO3.axis_rotation(2, np.pi / 2), np.array([0.4, 0.2, 0])), np.diag([1e-8] * 3 + [1e-6] * 3)
     )
-    said = {name: write_pose(name, at).text for name in ("kuka", "ur", "abb", "fanuc", "denso", "staubli")}
-    assert said == {
+    texts = {name: write_pose(name, at).text for name in ("kuka", "ur", "abb", "fanuc", "denso", "staubli")}
+    assert texts == {
         "kuka": "{X 400.000, Y 200.000, Z 0.000, A 90.00000, B 0.00000, C 0.00000}",
         "ur": "p[0.400000, 0.200000, 0.000000, 0.000000, 0.000000, 1.570796]",
         "abb": "[[400.000, 200.000, 0.000], [0.707107, 0.000000, 0.000000, 0.707107]]",
@@ -65,7 +65,7 @@ def test_what_each_controller_reads():
 
 
 def drawn(frame, count, rng):
-    """Poses as the covariance says, and their errors."""
+    """Return poses drawn from the covariance, and their errors."""
     xi = rng.normal(size=(count, 6)) @ np.linalg.cholesky(frame.C).T
     return frame.T @ SE3.exp(xi)
 

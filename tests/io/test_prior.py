@@ -1,4 +1,4 @@
-"""What is known of a pose, typed or in a file: what it says becomes a prior, and what it cannot say is refused."""
+"""Prior knowledge of a pose, typed or in a file: it becomes a prior, and invalid text is refused."""
 
 from __future__ import annotations
 
@@ -210,6 +210,6 @@ def test_refusals_of_files(tmp_path, text, message):
     assert message in str(caught.value)
 
 
-def test_a_prior_pose_is_where_it_says(tmp_path):
+def test_a_prior_pose_is_at_its_stated_place(tmp_path):
     prior = read(tmp_path, NEAR + "sd_mm = 1\nturn_sd_deg = 1\n")
     np.testing.assert_allclose(SE3.apply(prior.T_world_part, np.array([1.0, 0, 0])), [0.001, 1.002, 0.003], atol=1e-12)

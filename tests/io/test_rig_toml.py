@@ -175,7 +175,7 @@ def test_the_paper_s_gripper_is_there_by_name(tmp_path, monkeypatch):
 
 
 def test_beams_across_the_hand_are_no_mistake(tmp_path):
-    """Fingers that look at each other, and sensors beside each other."""
+    """Fingers that face each other, and sensors beside each other."""
     across = GOOD.replace("[0, 0, 0]", "[30, 0, 100]").replace("[0, 0, 1]", "[-1, 0, 0]")
     beside = GOOD.replace("sensors.a", "sensors.b").replace("[0, 0, 0]", "[0, 5, 0]")
     assert len(read_rig(rig_file(tmp_path, across + beside)).sensors) == 2

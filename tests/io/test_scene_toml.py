@@ -1,4 +1,4 @@
-"""Scene files: what they say becomes a scene, and what they cannot say is refused by name."""
+"""Scene files: valid content becomes a scene, and invalid content is refused by name."""
 
 from pathlib import Path
 
@@ -130,7 +130,7 @@ def test_the_least_there_must_be(tmp_path):
         (("[table]", "table ="), "expected TOML"),
     ],
 )
-def test_what_a_scene_cannot_say(tmp_path, change, message):
+def test_invalid_scenes_are_refused(tmp_path, change, message):
     assert change[0] in WHOLE
     with pytest.raises(TanteoError, match=message):
         read(tmp_path, WHOLE.replace(*change, 1))

@@ -29,7 +29,7 @@ def target():
 
 @pytest.fixture
 def session(target):
-    """Two ranges that were asked for, and one beam beside the part."""
+    """Two planned ranges, and one beam beside the part."""
     rng = np.random.default_rng(4)
     start = rough([target])
     _, T = drawn_truth(start, rng)
@@ -60,7 +60,7 @@ def test_the_record_inside_is_the_session(session, tmp_path, target):
     assert load_record(path).answer == load_record(tmp_path / "run.json").answer
 
 
-def test_its_readings_are_read_as_they_were_told(session, tmp_path):
+def test_its_readings_are_read_unchanged(session, tmp_path):
     path = tmp_path / "run.mcap"
     write_record(session, path)
     readings = read_readings(path)
@@ -69,14 +69,14 @@ def test_its_readings_are_read_as_they_were_told(session, tmp_path):
     assert "/tanteo/record" in readings.notes[0]
 
 
-def test_its_messages_say_the_same_to_others(session, tmp_path):
+def test_other_readers_get_equal_messages(session, tmp_path):
     path = tmp_path / "run.mcap"
     write_record(session, path)
-    told = read_readings(path, topics=["/tanteo/range"])
+    reread = read_readings(path, topics=["/tanteo/range"])
     kept = ~session.readings.is_free
-    assert np.allclose(told.points[kept], session.readings.points[kept], atol=1e-7)
-    assert np.allclose(told.directions, session.readings.directions, atol=1e-7)
-    assert told.is_free.tolist() == session.readings.is_free.tolist()
+    assert np.allclose(reread.points[kept], session.readings.points[kept], atol=1e-7)
+    assert np.allclose(reread.directions, session.readings.directions, atol=1e-7)
+    assert reread.is_free.tolist() == session.readings.is_free.tolist()
     by_topic = {}
     for topic, _, message in messages(path):
         by_topic.setdefault(topic, []).append(message)
@@ -91,7 +91,7 @@ def test_its_messages_say_the_same_to_others(session, tmp_path):
     assert lines
 
 
-def test_steps_keep_their_moments_when_more_are_told(session, tmp_path):
+def test_steps_keep_their_times_when_more_follow(session, tmp_path):
     path = tmp_path / "run.mcap"
     write_record(session, path)
     before = [stamp for topic, stamp, _ in messages(path) if topic == "/tanteo/corner_sd"]

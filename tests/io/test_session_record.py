@@ -37,22 +37,22 @@ def targets():
 
 
 def plain_touches(targets):
-    """Two parts of unequal probability, readings nobody asked for, one that was told before."""
+    """Return a session with two parts of unequal probability, unplanned readings, and one repeated reading."""
     rng = np.random.default_rng(4)
     start = replace(rough(targets), weights=np.array([0.51, 0.9]))
     k, T = drawn_truth(start, rng)
     session = new_session(start, seed=3, max_measurements=50)
 
-    def asked():
+    def recorded_plan():
         action = session.ask()
         return action.read(true_range(targets[k], T, action) + 3e-4 * rng.normal())
 
-    first = asked()
+    first = recorded_plan()
     free = Readings.from_columns(
         T[None, :3, 3] + [0, 0, 0.2], ids=["beside"], directions=np.array([[0.0, 1.0, 0.0]]),
         is_free=np.array([True]), max_ranges=np.array([0.3]),
     )  # fmt: skip
-    return session, [lambda: first, lambda: free, lambda: first, asked]
+    return session, [lambda: first, lambda: free, lambda: first, recorded_plan]
 
 
 def shared_errors(targets):
@@ -66,12 +66,12 @@ def shared_errors(targets):
         POLICIES["nearest"], Stop(tolerance=1e-3, feature="face 2"),
     )  # fmt: skip
 
-    def asked():
+    def recorded_plan():
         action = session.ask()
         one = action.read(true_range(targets[1], T, action) + 3e-4 * rng.normal())
         return replace(one, Ts_world_hand=action.T_world_probe[None])
 
-    return session, [asked, asked]
+    return session, [recorded_plan, recorded_plan]
 
 
 def rig(targets):
@@ -85,7 +85,7 @@ def rig(targets):
     probe = probe_of(sensor_preset("keyence_il030"), workspace=space, approach=approach, cone=2.5)
     session = Session(start, probe, Sensing(rig=hand), POLICIES["information-per-second"])
 
-    def asked(free=False):
+    def recorded_plan(free=False):
         action = session.ask()
         T_world_hand = action.T_world_probe @ SE3.inverse(hand.sensors[0].T_hand_sensor)
         distance = true_range(targets[0], T, action)
@@ -94,11 +94,11 @@ def rig(targets):
             ranges=None if free else np.array([distance]), is_free=np.array([free]),
         )  # fmt: skip
 
-    return session, [asked, lambda: asked(True), asked]
+    return session, [recorded_plan, lambda: recorded_plan(True), recorded_plan]
 
 
 def same(a, b):
-    """Whether two sessions are one, to the last bit."""
+    """Return whether two sessions are equal to the last bit."""
     for name in ("weights", "poses", "covariances", "part", "rows"):
         np.testing.assert_array_equal(getattr(a.state, name), getattr(b.state, name))
     assert a.state.unknown == b.state.unknown
@@ -112,7 +112,7 @@ def same(a, b):
     assert session_document(a) == session_document(b)
 
 
-def asks_the_same(a, b):
+def same_plan(a, b):
     first, second = a.ask(), b.ask()
     assert type(first) is type(second)
     assert session_document(a)["pending"] == session_document(b)["pending"]
@@ -120,27 +120,27 @@ def asks_the_same(a, b):
 
 @pytest.mark.parametrize("scene", [plain_touches, shared_errors, rig])
 def test_a_session_is_resumed_to_the_last_bit_at_any_point(scene, targets, tmp_path):
-    session, tells = scene(targets)
+    session, readings_given = scene(targets)
     some = [target for target in targets if target in session.start.targets]
     path = tmp_path / "session.json"
-    for k, reading in enumerate(tells):
+    for k, reading in enumerate(readings_given):
         write_record(session, path)
         again = read_record(path, some[::-1])
         same(session, again)
-        told = reading()
+        new_reading = reading()
         if k % 2:  # with a question waiting, and without
             write_record(session, path)
             again = read_record(path, some)
-        asks_the_same(session, again)
+        same_plan(session, again)
         for one in (session, again):
-            one.tell(told, None if scene is plain_touches else one.pending)  # others do not show what they answer
+            one.tell(new_reading, None if scene is plain_touches else one.pending)  # others are ambiguous
         same(session, again)
     if isinstance(action := session.ask(), Action):  # what cannot be made is not forgotten
         session.refuse(action)
     write_record(session, path)
     again = read_record(path, some)
     same(session, again)
-    asks_the_same(session, again)
+    same_plan(session, again)
 
 
 def test_questions_that_were_replaced_are_counted_too(targets, tmp_path):
@@ -149,35 +149,35 @@ def test_questions_that_were_replaced_are_counted_too(targets, tmp_path):
     session.put(None)
     write_record(session, tmp_path / "a.json")
     again = read_record(tmp_path / "a.json", targets)
-    asks_the_same(session, again)
+    same_plan(session, again)
     assert again.pending.number == 2
 
 
-def test_answers_that_came_late_are_told_again_under_questions(targets, tmp_path):
-    session, tells = plain_touches(targets)
+def test_late_answers_are_replayed_under_their_questions(targets, tmp_path):
+    session, readings_given = plain_touches(targets)
     first = session.ask()
     session.put(None)
     session.ask()
     session.tell(first.read(first.expected), first)
-    session.tell(tells[1]())  # of no question
+    session.tell(readings_given[1]())  # of no question
     write_record(session, tmp_path / "a.json")
     again = read_record(tmp_path / "a.json", targets)
     same(session, again)
     assert [s.action and s.action.number for s in again.steps] == [1, None]
     assert again.pending.number == 2
-    asks_the_same(session, again)
+    same_plan(session, again)
     again.tell(again.pending.read(np.inf))
     assert again.pending is None
 
 
-def test_what_a_hand_can_make_is_said_again(targets, tmp_path):
+def test_the_abilities_of_a_hand_are_restored(targets, tmp_path):
     session, _ = plain_touches(targets)
     session.put(None)  # no question waits
     write_record(session, tmp_path / "free.json")
     without = read_record(tmp_path / "free.json", targets).ask().direction
     session.able = lambda state, candidates: candidates.directions @ without < 0.5
     write_record(session, tmp_path / "a.json")
-    asks_the_same(session, read_record(tmp_path / "a.json", targets, able=session.able))
+    same_plan(session, read_record(tmp_path / "a.json", targets, able=session.able))
     assert session.ask().direction @ without < 0.5
     assert read_record(tmp_path / "a.json", targets).ask().direction @ without > 0.99  # the record does not keep it
 
@@ -185,7 +185,7 @@ def test_what_a_hand_can_make_is_said_again(targets, tmp_path):
 def test_parts_are_read_again_from_their_files(targets, tmp_path):
     session = new_session(rough(targets))
     write_record(session, tmp_path / "a.json")
-    asks_the_same(session, read_record(tmp_path / "a.json"))
+    same_plan(session, read_record(tmp_path / "a.json"))
 
 
 def block(path, size=1.0):
@@ -206,7 +206,7 @@ def recorded(tmp_path):
     return session, tmp_path / "session.json"
 
 
-def test_a_part_that_changed_is_said(recorded, tmp_path):
+def test_a_changed_part_is_reported(recorded, tmp_path):
     _, path = recorded
     same(recorded[0], read_record(path))
     block(tmp_path / "block.stl", 1.01)
@@ -257,7 +257,7 @@ def test_what_a_record_cannot_hold_is_refused(recorded, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "message"),
     [
         ({"schema": "tanteo.session/2"}, "schema: expected tanteo.session/1, got tanteo.session/2"),
         ({"sead": 1}, r"expected one of schema, .*, got 'sead'. Did you mean 'seed'"),
@@ -270,10 +270,10 @@ def test_what_a_record_cannot_hold_is_refused(recorded, tmp_path):
         ({"answer": 3}, "answer: expected a table"),
     ],
 )
-def test_what_is_wrong_is_named(change, says, recorded):
+def test_what_is_wrong_is_named(change, message, recorded):
     _, path = recorded
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
-    with pytest.raises(InputError, match=f"^{re.escape(str(path))}.*{says}"):
+    with pytest.raises(InputError, match=f"^{re.escape(str(path))}.*{message}"):
         read_record(path)
 
 
@@ -293,12 +293,12 @@ def test_readings_that_cannot_be_are_named(recorded):
 def test_questions_that_cannot_be_are_named(recorded):
     _, path = recorded
     document = json.loads(path.read_text())
-    for change, says in (
+    for change, message in (
         ({"number": -5}, "number: expected 1 or more"),
         ({"direction": [0, 0, 2]}, "a unit direction"),
     ):
         path.write_text(json.dumps(document | {"pending": document["observations"][0]["action"] | change}))
-        with pytest.raises(InputError, match=f"^{re.escape(str(path))}, pending.*{says}"):
+        with pytest.raises(InputError, match=f"^{re.escape(str(path))}, pending.*{message}"):
             read_record(path)
 
 

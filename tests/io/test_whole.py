@@ -86,7 +86,7 @@ def test_references_that_grow_are_refused(tmp_path):
 
 
 def png(width, height, rows=0):
-    """A PNG that claims a size and has so many rows of it, all of zeros."""
+    """Return a PNG with a stated size and a number of rows, all of zeros."""
 
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
@@ -101,7 +101,7 @@ READ = "import sys, tanteo; print(tanteo.read_image(sys.argv[1]).shape)"
 
 
 def test_an_image_larger_than_memory_is_refused(tmp_path):
-    """In a process of its own: OpenCV asks for its limit when it is loaded."""
+    """It runs in its own process: OpenCV reads its limit when it is loaded."""
     pytest.importorskip("cv2", reason="the extra tanteo[vision] is not installed")
     path = tmp_path / "image.png"
     path.write_bytes(png(30_000, 30_000, 1))

@@ -40,10 +40,10 @@ def test_an_offset_holds_place_and_turn(rng):
     frame = upright(rng, 0.0)
     got = written("G54", frame)
     line = got.text.splitlines()[-1]
-    said = words(line)
+    values = words(line)
     assert line.startswith("G10 L2 P1 X")
-    R = SO3.axis_rotation(2, np.radians(said["R"]))
-    np.testing.assert_allclose([said[a] / 1e3 for a in "XYZ"], frame.T[:3, 3], atol=1e-6)
+    R = SO3.axis_rotation(2, np.radians(values["R"]))
+    np.testing.assert_allclose([values[a] / 1e3 for a in "XYZ"], frame.T[:3, 3], atol=1e-6)
     np.testing.assert_allclose(R, frame.T[:3, :3], atol=1e-6)
     assert "(block: recognized [99 %])" in got.text
     assert len(got.warnings) == 1
@@ -54,15 +54,15 @@ def test_every_offset_has_its_number(name, p, rng):
     assert f"G10 L2 P{p} X" in written(name, upright(rng, 0.0)).text
 
 
-def test_a_tilt_is_told_at_the_far_corner(rng):
+def test_a_tilt_is_reported_at_the_far_corner(rng):
     frame = upright(rng, np.radians(2.0))
     got = written("G54", frame)
-    told = float(re.search(r"far corner is ([\d.e-]+) mm", got.warnings[0])[1])
-    said = words(got.text.splitlines()[-1])
-    held = SE3.from_parts(SO3.axis_rotation(2, np.radians(said["R"])), frame.T[:3, 3])
-    worst = np.linalg.norm(SE3.apply(frame.T, CORNERS) - SE3.apply(held, CORNERS), axis=1).max()
-    assert told == pytest.approx(1e3 * worst, rel=0.01)
-    assert told == pytest.approx(np.radians(2) * np.hypot(200, 50), rel=0.01)
+    stated = float(re.search(r"far corner is ([\d.e-]+) mm", got.warnings[0])[1])
+    values = words(got.text.splitlines()[-1])
+    rotated = SE3.from_parts(SO3.axis_rotation(2, np.radians(values["R"])), frame.T[:3, 3])
+    worst = np.linalg.norm(SE3.apply(frame.T, CORNERS) - SE3.apply(rotated, CORNERS), axis=1).max()
+    assert stated == pytest.approx(1e3 * worst, rel=0.01)
+    assert stated == pytest.approx(np.radians(2) * np.hypot(200, 50), rel=0.01)
 
 
 def test_no_offset_holds_a_part_on_its_side(rng):

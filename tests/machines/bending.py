@@ -69,7 +69,7 @@ class Proxy:
 
 @contextmanager
 def bent(port: int, change: Change) -> Iterator[Proxy]:
-    """A proxy in front of a port."""
+    """Yield a proxy in front of a port."""
     proxy = Proxy(port, change)
     try:
         yield proxy

@@ -208,7 +208,7 @@ def run(kind: str, bending: Bending) -> tuple[str, str]:
 
 
 def replies(kind: str) -> int:
-    """Number of replies of a run that nothing bends; on a busy computer one may be refused as late."""
+    """Return the number of replies of an undisturbed run; on a busy computer one may be refused as late."""
     ends = []
     for _ in range(3):
         bending = Bending(10**9, False, np.random.default_rng(0))

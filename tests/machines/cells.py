@@ -35,7 +35,7 @@ SD = 2e-5
 
 
 def box(x: float = 0.06, y: float = 0.04, z: float = 0.02) -> Surface:
-    """A block from the origin to (x, y, z)."""
+    """Return a block from the origin to (x, y, z)."""
     corners = np.array([[i, j, k] for i in (0, x) for j in (0, y) for k in (0, z)], dtype=float)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     triangles = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
@@ -43,7 +43,7 @@ def box(x: float = 0.06, y: float = 0.04, z: float = 0.02) -> Surface:
 
 
 def world(sd: float = 0.0) -> World:
-    """The block at the origin, before a ball of 1 mm."""
+    """Return the block at the origin, for a ball of 1 mm."""
     return World(box(), np.eye(4), 1e-3, sd, 5)
 
 
@@ -51,7 +51,7 @@ START = np.array([0.03, 0.02, 0.1])
 
 
 def at(x: float, y: float, z: float) -> np.ndarray:
-    """A pose of a probe that looks down [mm]."""
+    """Return a pose of a probe that points down [mm]."""
     return SE3.from_parts(np.diag([1.0, -1.0, -1.0]), 1e-3 * np.array([x, y, z]))
 
 
@@ -68,7 +68,7 @@ def grbl_on_a_port(there: World, start: np.ndarray, faults: Faults, speedup: flo
 
 @contextmanager
 def robot(start=START, **how):
-    """A Universal Robot and its fake."""
+    """Yield a Universal Robot and its fake."""
     fake = UrFake(world(), start, **how)
     try:
         links = [TcpLink("127.0.0.1", port) for port in fake.ports]
@@ -90,7 +90,7 @@ OWN = "TANTEO_DRIVERS"
 def driver(
     name: str, there: World, start=START, faults: Faults = NO_FAULTS, speedup: float = np.inf
 ) -> Iterator[Machine]:
-    """A driver on its fake."""
+    """Yield a driver connected to its fake."""
     if name == "grbl on a serial port":
         with grbl_on_a_port(there, start, faults, speedup) as machine:
             yield machine
@@ -101,7 +101,7 @@ def driver(
 
 @contextmanager
 def cell(name: str, there: World | None = None, start=START, faults: Faults = NO_FAULTS, speedup: float = np.inf):
-    """A driver and its fake, which has the tip; the direct one is its own."""
+    """Yield a driver and its fake, which has the tip; the direct one is its own."""
     there = world() if there is None else there
     if name == "fake:direct":
         machine = DirectMachine(there, start, speedup=speedup)
@@ -117,7 +117,7 @@ def cell(name: str, there: World | None = None, start=START, faults: Faults = NO
 
 
 def drivers() -> list[str]:
-    """Those of plug-ins that the environment names, or all that this system has: pseudo-terminals are of POSIX."""
+    """Return the drivers of plug-ins that the environment names, or all of this system; pseudo-terminals need POSIX."""
     if named := os.environ.get(OWN, "").split():
         return named
     return [name for name in DRIVERS if "serial" not in name or sys.platform != "win32"]
@@ -128,7 +128,7 @@ SPREAD = np.diag([2e-3] * 3 + [np.radians(1)] * 3) ** 2
 
 
 def session(part, tolerance: float = 0.4e-3, most: int = 12) -> Session:
-    """A part near a place, to be touched from above and from the sides."""
+    """Return a session with a part near a place, touched from above and from the sides."""
     probe = probe_of(
         SD, contact=True, radius=1e-3, approach=DOWN, cone=np.pi / 2, stylus=-DOWN, standoff=0.02, clearance=0.005
     )
@@ -137,7 +137,7 @@ def session(part, tolerance: float = 0.4e-3, most: int = 12) -> Session:
 
 
 def world_of(part, seed: int = 1) -> World:
-    """The part where it is, which is not where it was said to be."""
+    """Return the part at its true pose, which differs from the stated one."""
     error = np.linalg.cholesky(SPREAD) @ np.random.default_rng(seed).standard_normal(6)
     return World(Surface(part.vertices, part.triangles), PLACE @ SE3.exp(error), 1e-3, SD, seed)
 

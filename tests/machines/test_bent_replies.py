@@ -43,7 +43,7 @@ def test_many_random_bends_are_refused_or_harmless(kind):
 
 @contextmanager
 def cell(change, fake_kind=GrblFake, **how):
-    """A driver behind a proxy that changes rows; ``change`` may have a list of one flag that switches it on."""
+    """Yield a driver with a proxy that changes rows; ``change`` may have a list of one flag that switches it on."""
     fake = fake_kind(world(), START, **how)
     try:
         with bent(fake.ports[0], of_rows(change)) as proxy:
@@ -198,8 +198,8 @@ def test_a_device_that_never_acknowledges_ends_in_time():
 )  # fmt: skip
 def test_the_dashboard_must_answer_exactly(question, answer):
     fake = UrFake(world(), START)
-    honest = fake._answer
-    fake._answer = lambda asked: answer if asked == question else honest(asked)
+    original = fake._answer
+    fake._answer = lambda query: answer if query == question else original(query)
     try:
         with pytest.raises((StoppedError, LinkLostError), match="expected"):
             connected("ur", fake.ports)
@@ -217,9 +217,9 @@ def test_outputs_of_rtde_are_numbers(name, value):
         try:
             safe = SafeMachine(machine, LIMITS)
             safe.move(at(30, 20, 60))
-            honest = fake._value
+            original = fake._value
             wrong = [value] * 6 if name.endswith(("pose", "offset")) else value
-            fake._value = lambda asked: wrong if asked == name else honest(asked)
+            fake._value = lambda query: wrong if query == name else original(query)
             time.sleep(0.1)
             with pytest.raises(StoppedError, match=f"{name} = "):
                 safe.sense(DOWN, 0.03)
@@ -249,14 +249,14 @@ def test_two_results_of_a_program_are_refused():
         try:
             safe = SafeMachine(machine, LIMITS)
             safe.move(at(30, 20, 40))
-            honest, count = fake._value, 0
+            original, count = fake._value, 0
 
             def value(name):
                 nonlocal count
                 if name == "output_double_register_26" and fake._registers.get("output_int_register_25") == 2:
                     count += 1
                     return 0.021 + 1e-3 * (count > 2)
-                return honest(name)
+                return original(name)
 
             fake._value = value
             with pytest.raises(StoppedError, match=r"one result of its program|tip that rests"):

@@ -33,7 +33,7 @@ def machine(request):
         yield one
 
 
-def test_it_says_where_it_is_before_it_moves(machine):
+def test_it_reports_its_position_before_it_moves(machine):
     status = machine.status()
     assert status.state == "idle"
     assert np.allclose(status.place, START, atol=1e-6)
@@ -51,7 +51,7 @@ def test_a_motion_ends_where_it_was_sent(machine):
 
 
 @pytest.mark.parametrize("name", drivers())
-def test_a_fast_motion_is_as_fast_as_asked(name):
+def test_a_fast_motion_has_the_requested_speed(name):
     with driver(name, world(), speedup=1.0) as machine:
         begun = time.monotonic()
         machine.move(at(10, 5, 60), 0.4, SECONDS)  # 24,000 mm/min: no controller reads 2.4e+04
@@ -59,7 +59,7 @@ def test_a_fast_motion_is_as_fast_as_asked(name):
         assert time.monotonic() - begun < 2.0
 
 
-def test_a_touch_tells_the_way_to_the_contact(machine):
+def test_a_touch_reports_the_path_to_the_contact(machine):
     machine.move(at(10, 5, 30), FAST, SECONDS)
     sensed = machine.sense(DOWN, 0.02, 0.002, 30.0)
     assert sensed.hit
@@ -139,7 +139,7 @@ def test_no_motion_blocks_for_ever(name):
 
 
 @pytest.mark.parametrize("name", WIRED)
-def test_an_old_status_is_not_told_as_fresh(name):
+def test_an_old_status_is_not_reported_as_fresh(name):
     with driver(name, world(), faults=Faults(silent=1)) as machine:
         with pytest.raises(MachineError):
             machine.move(at(0, 0, 60), FAST, 0.8)
@@ -148,7 +148,7 @@ def test_an_old_status_is_not_told_as_fresh(name):
 
 @pytest.mark.parametrize("faults", [Faults(drop_before=2), Faults(drop_after=2)], ids=["before", "after"])
 @pytest.mark.parametrize("name", ["fake:grbl", "fake:ur"])
-def test_a_lost_connection_is_said(name, faults):
+def test_a_lost_connection_is_reported(name, faults):
     with driver(name, world(), faults=faults) as machine:
         machine.move(at(10, 5, 40), FAST, SECONDS)
         with pytest.raises(LinkLostError, match="expected"):

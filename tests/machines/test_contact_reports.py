@@ -172,7 +172,7 @@ def test_a_position_that_is_lost_during_a_motion_stops_it(place):
 
 
 def test_every_limit_fails_closed():
-    """Whatever number of a path is not finite, it is refused."""
+    """A path with any number that is not finite is refused."""
     box = ForbiddenBox("vise", np.array([0.1, 0.1, 0.1]), np.array([0.2, 0.2, 0.2]))
     limits = MachineLimits(Workspace(np.zeros(3), np.ones(3), [box]))
     here, goal = np.full(3, 0.5), np.full(3, 0.6)

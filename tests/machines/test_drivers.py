@@ -57,7 +57,7 @@ def test_linuxcnc_touches_with_offsets_in_its_own_unit(metric):
         assert machine.sense(DOWN, 0.02, 0.01, 5.0).distance == pytest.approx(0.009, abs=3e-6)
 
 
-def test_a_message_that_another_display_took_is_asked_for_again():
+def test_a_message_taken_by_another_display_is_requested_again():
     with linuxcnc(thief=2) as (machine, _):
         machine.move(at(10, 5, 30), 0.1, 5.0)
         assert np.allclose(machine.status().place, [0.01, 0.005, 0.03], atol=2e-6)
@@ -84,7 +84,7 @@ def test_a_turned_frame_in_use_moves_no_goal():
         assert machine.sense(DOWN, 0.02, 0.01, 5.0).distance == pytest.approx(0.009, abs=3e-6)
 
 
-def test_a_wrong_password_is_said():
+def test_a_wrong_password_is_reported():
     fake = LinuxCncFake(world(), START)
     try:
         for passwords, words in ((("no", "EMCTOO"), "connect password"), (("EMC", "no"), "enable password")):
@@ -99,7 +99,7 @@ def test_a_frame_is_read_back(cell, monkeypatch):
     with cell() as (machine, fake):
         machine.write_frame(FRAME, 5.0)
         assert np.allclose(fake.modal.offsets[2], [0.0125, -0.003, 0.00425])
-        monkeypatch.setattr(type(fake.modal), "set_offset", lambda modal, block: None)  # it says ok and does nothing
+        monkeypatch.setattr(type(fake.modal), "set_offset", lambda modal, block: None)  # it answers ok and does nothing
         with pytest.raises(MachineError, match="read back"):
             machine.write_frame(FRAME.replace("12.5", "13.5"), 5.0)
 

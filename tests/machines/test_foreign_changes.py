@@ -21,8 +21,8 @@ from tanteo.machines import (
     TcpLink,
 )
 
-ROOM = Workspace(np.array([-0.05, -0.05, 0.0]), np.array([0.15, 0.15, 0.12]))
-LIMITS = MachineLimits(ROOM, travel=0.2, stale=1.0, grace=2.0)
+WORKSPACE = Workspace(np.array([-0.05, -0.05, 0.0]), np.array([0.15, 0.15, 0.12]))
+LIMITS = MachineLimits(WORKSPACE, travel=0.2, stale=1.0, grace=2.0)
 KINDS = {"grbl": (GrblFake, GrblMachine), "linuxcnc": (LinuxCncFake, LinuxCncMachine)}
 
 

@@ -121,10 +121,10 @@ def checked(kind: str, press, seconds: float = 0.6):
         fake.close()
 
 
-def pressed(fake, held: float = 0.35):
+def pressed(fake, seconds: float = 0.35):
     time.sleep(0.1)
     fake.tip.pressed.set()
-    time.sleep(held)
+    time.sleep(seconds)
     fake.tip.pressed.clear()
 
 

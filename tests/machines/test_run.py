@@ -39,7 +39,7 @@ SHORT, WHOLE = 2, 12
 
 
 def ended(block, most: int, name: str = "fake:grbl"):
-    """A session that nothing disturbs."""
+    """Return a session without a fault."""
     one = session(block, most=most)
     with driver(name, world_of(block), ABOVE) as machine:
         done = probe_part(one, SafeMachine(machine, LIMITS))
@@ -56,7 +56,7 @@ def undisturbed(block):
     return pose(ended(block, SHORT)[1])
 
 
-def test_a_session_ends_as_it_was_asked_to(block):
+def test_a_session_ends_by_its_stop_rule(block):
     done, one = ended(block, WHOLE)
     assert done.end.reached
     assert one.answer().status == "recognized"
@@ -72,7 +72,7 @@ def test_every_driver_ends_at_the_same_pose(name, block):
 
 
 def interrupted(block, fault: Faults, most: int, record, undisturbed, name: str = "fake:grbl") -> None:
-    """A session that a fault ends, taken up again: the same pose, and no reading made twice or lost."""
+    """Return a session that a fault ends and that continues: equal pose, no reading repeated or lost."""
     there, one = world_of(block), session(block, most=most)
     with driver(name, there, ABOVE, fault) as machine:
         done = probe_part(one, SafeMachine(machine, LIMITS), record)
@@ -98,7 +98,7 @@ def test_no_fault_loses_a_reading(fault, block, undisturbed, tmp_path):
 
 @pytest.fixture(scope="module")
 def poses(block):
-    """The pose after a whole session of each driver, made when it is asked for."""
+    """The pose after a complete session of each driver, computed on first use."""
     kept = dict[str, np.ndarray]()
 
     def of(name: str) -> np.ndarray:
@@ -128,18 +128,18 @@ def test_late_answers_change_nothing(name, block, poses):
 
 
 def test_power_lost_between_touch_and_record(block, undisturbed, tmp_path, monkeypatch):
-    """The reading is in the journal, and no more: a run that is taken up tells it and does not touch again."""
+    """The journal has the reading and nothing after it: a resumed run uses it and does not touch again."""
     record, there = tmp_path / "run.json", world_of(block)
     one = session(block, most=SHORT)
 
     class PowerLost(BaseException):
         pass
 
-    def tell(readings, action=None):
+    def record_then_raise(readings, action=None):
         raise PowerLost
 
     with driver("fake:grbl", there, ABOVE) as machine:
-        monkeypatch.setattr(type(one), "tell", lambda self, readings, action=None: tell(readings, action))
+        monkeypatch.setattr(type(one), "tell", lambda self, readings, action=None: record_then_raise(readings, action))
         with pytest.raises(PowerLost):
             probe_part(one, SafeMachine(machine, LIMITS), record)
     monkeypatch.undo()
@@ -192,7 +192,7 @@ def test_a_journal_that_is_a_pipe_or_a_device_is_refused(tmp_path):
 def test_a_full_disk_stops_before_the_next_motion(block, tmp_path, monkeypatch):
     one = session(block)
     with driver("fake:direct", world_of(block), ABOVE) as machine:
-        monkeypatch.setattr(Journal, "keep", lambda *_: (_ for _ in ()).throw(InputError("disk: expected room")))
+        monkeypatch.setattr(Journal, "keep", lambda *_: (_ for _ in ()).throw(InputError("disk: expected free space")))
         with pytest.raises(InputError, match="disk"):
             probe_part(one, SafeMachine(machine, LIMITS), tmp_path / "run.json")
         start = one.pending.origin
@@ -202,7 +202,7 @@ def test_a_full_disk_stops_before_the_next_motion(block, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_a_ball_of_another_size_is_no_sure_answer(block):
-    """Wrong tool: the ball is 0.5 mm smaller than said."""
+    """Wrong tool: the ball is 0.5 mm smaller than stated."""
     there = world_of(block)
     there = type(there)(there.surface, there.T_world_body, 0.5e-3, there.sd, there.seed)
     one = session(block, tolerance=0.2e-3, most=16)
@@ -225,8 +225,8 @@ def test_a_log_answers_as_the_machine_did(block, undisturbed, tmp_path):
     assert np.allclose(pose(again), undisturbed, atol=1e-7)
 
 
-def test_a_log_answers_whatever_is_asked(block, tmp_path):
-    """The touches of one session answer another, which asks elsewhere: the same part, placed as well."""
+def test_a_log_answers_every_request(block, tmp_path):
+    """The touches of one session answer another session with other plans: the same part, placed equally well."""
     record, one = tmp_path / "run.json", session(block, most=WHOLE)
     with driver("fake:direct", world_of(block), ABOVE) as machine:
         probe_part(one, SafeMachine(machine, LIMITS), record)

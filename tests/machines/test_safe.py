@@ -22,11 +22,11 @@ from tanteo.machines import (
     StoppedError,
 )
 
-ROOM = Workspace(np.array([-0.05, -0.05, 0.0]), np.array([0.15, 0.15, 0.12]))
+WORKSPACE = Workspace(np.array([-0.05, -0.05, 0.0]), np.array([0.15, 0.15, 0.12]))
 
 
 def safe(limits: MachineLimits | None = None, **more) -> SafeMachine:
-    return SafeMachine(DirectMachine(world(), START), limits or MachineLimits(ROOM), **more)
+    return SafeMachine(DirectMachine(world(), START), limits or MachineLimits(WORKSPACE), **more)
 
 
 def test_limits_hold_before_anything_is_sent():
@@ -42,7 +42,7 @@ def test_limits_hold_before_anything_is_sent():
 
 def test_ways_do_not_cross_a_forbidden_box():
     box = ForbiddenBox("the vise", np.array([0.06, -0.05, 0.05]), np.array([0.08, 0.1, 0.11]))
-    one = safe(MachineLimits(Workspace(ROOM.low, ROOM.high, [box]), clearance=1e-3))
+    one = safe(MachineLimits(Workspace(WORKSPACE.low, WORKSPACE.high, [box]), clearance=1e-3))
     one.move(at(30, 20, 80))
     with pytest.raises(RefusedError, match="the vise"):
         one.move(at(100, 20, 80))
@@ -67,19 +67,19 @@ def test_the_machine_keeps_to_its_speeds():
 
 
 def test_a_no_sends_nothing():
-    asked = list[str]()
+    confirmed = list[str]()
 
     def confirm(what: str) -> bool:
-        asked.append(what)
-        return len(asked) < 2
+        confirmed.append(what)
+        return len(confirmed) < 2
 
     one = safe(confirm=confirm)
     one.move(at(30, 20, 60))
     with pytest.raises(RefusedError, match="expected a yes"):
         one.sense(DOWN, 0.02)
     assert len(one.machine.tip.travelled) == 1
-    assert "move to (30.000, 20.000, 60.000) mm" in asked[0]
-    assert "touch along (0.000, 0.000, -1.000), 20.00 mm at most" in asked[1]
+    assert "move to (30.000, 20.000, 60.000) mm" in confirmed[0]
+    assert "touch along (0.000, 0.000, -1.000), 20.00 mm at most" in confirmed[1]
 
 
 def test_a_no_to_a_way_ends_the_run():
@@ -118,7 +118,7 @@ def test_it_goes_back_whatever_happens_at_the_touch():
     one.move(at(30, 20, 60))
 
 
-def test_what_is_met_on_a_way_is_left_again():
+def test_a_contact_on_a_path_is_released_again():
     one = safe()
     one.move(at(-20, 20, 10))
     with pytest.raises(ContactError):
@@ -130,9 +130,9 @@ def test_what_is_met_on_a_way_is_left_again():
 def test_nothing_moves_after_a_stop():
     one = safe()
     one.move(at(30, 20, 60))
-    one.abort("somebody said so")
+    one.abort("by a test")
     for motion in (lambda: one.move(at(0, 0, 60)), lambda: one.sense(DOWN, 0.01), lambda: one.write_frame("G10")):
-        with pytest.raises(StoppedError, match="somebody said so"):
+        with pytest.raises(StoppedError, match="by a test"):
             motion()
 
 
@@ -166,7 +166,7 @@ def test_a_driver_that_errs_stops_the_machine_in_one_sentence():
             self.stops += 1
 
     machine = Erring(world(), START)
-    one = SafeMachine(machine, MachineLimits(ROOM))
+    one = SafeMachine(machine, MachineLimits(WORKSPACE))
     with pytest.raises(StoppedError, match="KeyError: 'axis'"):
         one.move(at(0, 0, 110))
     assert machine.stops
@@ -214,7 +214,7 @@ def test_limits_that_are_none_are_refused(limits):
         MachineLimits(**limits)
 
 
-def test_the_probe_in_contact_is_said_before_a_touch():
+def test_a_probe_in_contact_is_reported_before_a_touch():
     start = np.array([0.03, 0.02, 0.021])
     with driver("fake:grbl", world(), start) as machine, pytest.raises(ContactError, match="probe without contact"):
         machine.sense(DOWN, 0.01, 0.002, 5.0)

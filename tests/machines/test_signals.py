@@ -41,7 +41,7 @@ def until(condition, seconds: float = 20.0) -> None:
 
 
 def started(kind: str, fake) -> subprocess.Popen:
-    """A process that touches, once the tip moves."""
+    """Return a process that touches, once the tip moves."""
     script = Path(__file__).with_name("moving.py")
     ports = [fake.terminal()] if kind == "serial" else fake.ports
     command = [sys.executable, str(script), kind, *map(str, ports)]
@@ -105,7 +105,7 @@ def test_a_session_is_ended_by_a_signal(parts):
 
 
 def resumed(kind: str, fake) -> None:
-    """What an operator does after a stop: press cycle start."""
+    """Act as an operator after a stop: press cycle start."""
     if kind in ("grbl", "serial"):
         with socket.create_connection(("127.0.0.1", fake.ports[0])) as client:
             client.sendall(b"~")

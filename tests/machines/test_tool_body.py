@@ -88,10 +88,10 @@ def test_random_paths_are_judged_as_by_fine_sampling():
         s = np.linspace(0, 1, 3000)[:, None]
         poses = SE3.from_parts(R0 @ SO3.exp(s * turn), here + s * (goal - here))
         smallest = one.workspace.of_body(TOOL, poses).min()
-        said = one.violation(here, goal, [R0, R0 @ SO3.exp(turn)])
-        refused += bool(said)
-        assert said or smallest >= 0
-        if said.endswith("of the tool"):
+        reason = one.violation(here, goal, [R0, R0 @ SO3.exp(turn)])
+        refused += bool(reason)
+        assert reason or smallest >= 0
+        if reason.endswith("of the tool"):
             assert smallest < 1e-3  # refused within one step of the limit at most
     assert 10 < refused < 60
 

@@ -39,7 +39,7 @@ def rejected(D2, dof, significance=0.05):
 
 
 def coplanarity(psi, slide, seed=0):
-    """False rejection of an edge that lies on the plane: printed tests of (5), and the joint test."""
+    """Return the rate of false rejection of an edge on the plane: printed tests of (5), and the joint test."""
     rng = np.random.default_rng(seed)
     flat = SE3.from_parts(SO3.axis_rotation(2, 0.4) @ SO3.axis_rotation(0, psi), np.zeros(3))
     S = draw(np.eye(4), PLANE, PLANE_SD, rng)
@@ -105,7 +105,7 @@ def length(corners, sd_edge=1.0, sd_neighbour=1.0, seed=2):
 
 
 def shared_length(seed=3):
-    """A length of edges that share a robot base error of 0.5 mm and 2 mrad, which each covariance contains."""
+    """Return a length of edges that share a robot base error of 0.5 mm and 2 mrad, which each covariance contains."""
     rng = np.random.default_rng(seed)
     Ts = [
         edge_at([0.5, 0.87, 0], [10, 17.4, 0]),
@@ -162,7 +162,7 @@ def rayleigh(seed=5):
 
 
 def distance(slide, seed=6):
-    """Standard deviation of the distance of parallel edges with the second origin that far away."""
+    """Return the standard deviation of the distance of parallel edges for a distance of the second origin."""
     rng = np.random.default_rng(seed)
     T2 = SE3.from_parts(np.eye(3), np.array([0, 30.0, 0]))
     C = body(EDGE, EDGE_SD)
@@ -190,7 +190,7 @@ def folded(offset_sigmas, seed=7):
 
 
 def sign_of_26(seed=8):
-    """Standard deviation of a distance of edges on one uncertain base: plus sign of (26), minus, independent."""
+    """Return the standard deviation of a distance of edges on one base: plus sign of (26), minus, independent."""
     rng = np.random.default_rng(seed)
     Ts = (np.eye(4), SE3.from_parts(np.eye(3), np.array([0, 30.0, 0])))
     base = np.diag([0.5] * 3 + [2e-3] * 3)
@@ -210,7 +210,7 @@ def sign_of_26(seed=8):
 
 
 def families(n_planes, seed=9, n=8000):
-    """All angles of some planes, a 5 % test each: truth and its mirror image, against the joint test of directions."""
+    """Return the tests of all angles of some planes at 5 %: truth and mirror image, against the joint test."""
     rng = np.random.default_rng(seed)
     normals = rng.normal(size=(n_planes, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -270,7 +270,7 @@ def plane_of_scan_lines(points):
 
 
 def gimbal_lock(seed=10):
-    """Standard deviations of psi, theta, phi of (27) at theta = 90 degrees, for 5 mrad of body noise."""
+    """Return standard deviations of psi, theta, phi of (27) at theta = 90 degrees, for 5 mrad of body noise."""
     rng = np.random.default_rng(seed)
     T = SE3.from_parts(SO3.axis_rotation(1, np.pi / 2), np.zeros(3))
     e = np.c_[np.zeros((N, 3)), 0.005 * rng.normal(size=(N, 3))]
@@ -305,7 +305,7 @@ def main():
 
 
 def show(title, table):
-    """One block of figures."""
+    """Print one block of figures."""
     print(title)
     for name, row in table.items():
         print(f"  {name:40}", "  ".join(f"{key} {value:.4g}" for key, value in row.items()))

@@ -40,7 +40,7 @@ def covariance(kind, seed):
 
 
 def slopes(function, T1, T2):
-    """Derivatives of a function of two frames over both body errors, by differences."""
+    """Return numeric derivatives of a function of two frames over both body errors."""
     steps = [SE3.exp(H * np.eye(6)[k]) for k in range(6)]
     g1 = [(function(T1 @ s, T2) - function(T1 @ SE3.inverse(s), T2)) / (2 * H) for s in steps]
     g2 = [(function(T1, T2 @ s) - function(T1, T2 @ SE3.inverse(s))) / (2 * H) for s in steps]
@@ -203,8 +203,8 @@ def test_equation_14_error_of_length_is_linear_in_small_errors():
 
 def test_equation_15_printed_variance_counts_common_edge_twice():
     A, E, B = length_frames()
-    aside = EDGE.B.T @ np.diag([1e-5, 1e-8, 1e-8, 1e-8]) @ EDGE.B  # the middle edge is poorly known across
-    C = [covariance(EDGE, 13), aside, covariance(EDGE, 15)]
+    across = EDGE.B.T @ np.diag([1e-5, 1e-8, 1e-8, 1e-8]) @ EDGE.B  # the middle edge is poorly known across
+    C = [covariance(EDGE, 13), across, covariance(EDGE, 15)]
     joint = np.zeros((18, 18))
     for k in range(3):
         joint[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = C[k]

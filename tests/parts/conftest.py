@@ -7,7 +7,7 @@ import pytest
 
 
 def prism(outline, height):
-    """A prism over a convex outline (N, 2), counter-clockwise, from z = 0 to ``height``."""
+    """Return a prism over a convex outline (N, 2), counter-clockwise, from z = 0 to ``height``."""
     n = len(outline)
     ring = np.asarray(outline, dtype=float)
     bottom, top = np.c_[ring, np.zeros(n)], np.c_[ring, np.full(n, float(height))]

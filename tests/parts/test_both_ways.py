@@ -15,7 +15,7 @@ EXAMPLES = sorted((ROOT / "examples" / "parts").glob("*.step"))
 
 
 def missing(wanted, found, size):
-    """How many planes of the first have no equal among the second: normal, centroid and extent."""
+    """Return how many planes of the first have no equal in the second: normal, centroid and extent."""
     rows = [np.c_[p.normals, 100 * p.centroids / size, 100 * np.sqrt(p.areas) / size] for p in (wanted, found)]
     if not len(rows[1]):
         return len(rows[0])

@@ -56,7 +56,7 @@ def together(*shapes):
 
 
 def triangles_alone(shape):
-    """A solid whose faces have triangles and no surfaces."""
+    """Return a solid whose faces have triangles and no surfaces."""
     BRepMesh_IncrementalMesh(shape, 0.1, False, 0.3, False)
     builder, shell, solid = BRep_Builder(), TopoDS_Shell(), TopoDS_Solid()
     builder.MakeShell(shell)
@@ -84,7 +84,7 @@ def sides(part):
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (lambda: together(base(), *pieces(boss(), TopAbs_SHELL)), "Made a solid of a closed shell."),
         (lambda: together(base(), *pieces(boss())), "Sewed 6 faces to a closed body."),
@@ -95,12 +95,12 @@ def sides(part):
     ],
     ids=["closed shell", "loose faces", "shell and faces", "faces and solid", "triangles", "triangles first"],
 )
-def test_every_body_of_a_file_is_kept(tmp_path, make, said):
+def test_every_body_of_a_file_is_kept(tmp_path, make, message):
     part = read_part(step(tmp_path / "part.step", make()))
     assert sides(part) == [60, 40, 35]
     assert part.volume == pytest.approx((BASE + BOSS) * 1e-9)
     assert len(part.planes) == 12
-    assert said in part.repairs
+    assert message in part.repairs
 
 
 def test_six_faces_that_close_a_box_are_one(tmp_path):

@@ -12,7 +12,7 @@ def kinds(part):
 
 
 def rounded_box(solids):
-    """A box of 76 x 56 x 25 mm whose upright edges are rounded by 8 mm in steps of 11.25 degrees."""
+    """Return a box of 76 x 56 x 25 mm whose upright edges are rounded by 8 mm in steps of 11.25 degrees."""
     signs = [(1, 1), (-1, 1), (-1, -1), (1, -1)]
     arcs = [np.linspace(k, k + 1, 9) * np.pi / 2 for k in range(4)]
     outline = [np.array([30, 20]) * s + 8 * np.c_[np.cos(t), np.sin(t)] for s, t in zip(signs, arcs, strict=True)]

@@ -14,7 +14,7 @@ SOLIDS = ["box", "hexagon", "tetrahedron", "wedge", "rounded", "frustum", "ball"
 
 
 def notched(solids):
-    """An L-shaped bar (one concave edge), as a fan that is exact because the corner (25, 25) sees everything."""
+    """Return an L-shaped bar as a fan of triangles, exact because the outline is star-shaped about (25, 25)."""
     ring = np.array([(25, 25), (25, 60), (0, 60), (0, 0), (80, 0), (80, 25)], dtype=float)
     return solids.prism(ring, 40)
 
@@ -183,12 +183,12 @@ def test_real_meshes_have_the_features_one_counts_by_hand(file, unit, planes, ed
 
 @pytest.mark.skipif(not DATA.exists(), reason=f"no shared data at {DATA}")
 @pytest.mark.parametrize(
-    ("name", "closed", "said"), [("legoBox", True, "Split 8"), ("seashell", False, "it ends at 148")]
+    ("name", "closed", "stated"), [("legoBox", True, "Split 8"), ("seashell", False, "it ends at 148")]
 )
-def test_real_meshes_with_gaps_are_closed_or_open(name, closed, said):
+def test_real_meshes_with_gaps_are_closed_or_open(name, closed, stated):
     part = read_part(DATA / "fingertip_touches" / "models" / f"{name}.off", unit="m")
     assert part.closed == closed
-    assert any(said in sentence for sentence in part.repairs)
+    assert any(stated in sentence for sentence in part.repairs)
 
 
 @pytest.mark.skipif(not DATA.exists(), reason=f"no shared data at {DATA}")

@@ -39,7 +39,7 @@ def test_units_scale(tmp_path, solids, unit, metres):
 
 
 @pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "off"])
-def test_a_format_without_unit_asks_for_one(tmp_path, solids, suffix):
+def test_a_format_without_a_unit_requests_one(tmp_path, solids, suffix):
     path = tmp_path / f"p.{suffix}"
     as_trimesh(solids.box()).export(path)
     with pytest.raises(UnitError, match=r"unit: expected the length unit of p\..*Pass unit='mm'"):
@@ -48,10 +48,10 @@ def test_a_format_without_unit_asks_for_one(tmp_path, solids, suffix):
         read_part(path, unit="furlong")
 
 
-@pytest.mark.parametrize(("unit", "hint"), [("m", "'mm'"), ("ft", "'mm'")])
-def test_a_part_of_eighty_metres_is_asked_about(tmp_path, solids, unit, hint):
+@pytest.mark.parametrize(("unit", "proposed"), [("m", "'mm'"), ("ft", "'mm'")])
+def test_a_part_of_eighty_metres_raises_a_question(tmp_path, solids, unit, proposed):
     path = solids.write_stl(tmp_path / "p.stl", *solids.box(200, 80, 80))
-    with pytest.raises(PartError, match=rf"too large\. Did you mean unit=.*{hint}"):
+    with pytest.raises(PartError, match=rf"too large\. Did you mean unit=.*{proposed}"):
         read_part(path, unit=unit)
     with pytest.raises(PartError, match=r"too small\. Did you mean unit=.*'mm'"):
         read_part(solids.write_stl(tmp_path / "q.stl", *solids.box()), unit="um")
@@ -90,7 +90,7 @@ def test_broken_off_files_are_refused(tmp_path, text):
 
 @pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "glb", "3mf"])
 @pytest.mark.parametrize("content", [b"", b"not a mesh at all", bytes(range(256)) * 8])
-def test_files_that_are_not_what_they_say_are_refused(tmp_path, suffix, content):
+def test_files_with_a_wrong_suffix_are_refused(tmp_path, suffix, content):
     path = tmp_path / f"bad.{suffix}"
     path.write_bytes(content)
     with pytest.raises(PartError, match=r"bad\..*: expected"):
@@ -105,7 +105,7 @@ def test_what_is_no_readable_file_is_refused(tmp_path):
         read_part(tmp_path / "part.sldprt")
 
 
-def test_winding_is_repaired_and_said(tmp_path, solids):
+def test_winding_is_repaired_and_reported(tmp_path, solids):
     vertices, triangles = solids.box()
     inverted = read_part(solids.write_off(tmp_path / "a.off", vertices, triangles[:, ::-1]), unit="mm")
     assert inverted.volume == pytest.approx(2.4e-4)
@@ -194,7 +194,7 @@ def test_off_files_with_colours_are_read(tmp_path):
     assert len(read_part(tmp_path / "part.off", unit="mm").planes) == 6
 
 
-def test_a_binary_stl_that_breaks_off_is_said_to(tmp_path, solids):
+def test_a_truncated_binary_stl_is_reported(tmp_path, solids):
     path = tmp_path / "cut.stl"
     whole = as_trimesh(solids.box()).export(file_type="stl")
     for kept in (len(whole) - 20, len(whole) // 2, 100):
@@ -205,7 +205,7 @@ def test_a_binary_stl_that_breaks_off_is_said_to(tmp_path, solids):
     assert len(read_part(path, unit="mm").planes) == 6
 
 
-def test_a_text_stl_that_breaks_off_is_said_to(tmp_path, solids):
+def test_a_truncated_text_stl_is_reported(tmp_path, solids):
     path = tmp_path / "cut.stl"
     whole = as_trimesh(solids.box()).export(file_type="stl_ascii")
     path.write_text(whole[: len(whole) // 2])

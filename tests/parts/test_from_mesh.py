@@ -76,7 +76,7 @@ def test_degenerate_and_duplicate_triangles_are_dropped(solids):
     )  # fmt: skip
 
 
-def test_an_open_surface_is_a_part_that_says_so(solids):
+def test_an_open_surface_is_a_part_marked_open(solids):
     vertices, triangles = solids.box()
     keep = ~(vertices[triangles][:, :, 2] == 50).all(axis=1)
     part = tanteo.part_from_mesh(vertices, triangles[keep], unit="mm")
@@ -90,7 +90,7 @@ CORNERS = [[0, 0, 0], [30, 0, 0], [0, 30, 0]]
 
 
 @pytest.mark.parametrize(
-    ("vertices", "triangles", "said"),
+    ("vertices", "triangles", "message"),
     [
         ([], [], "lump: expected triangles, got an empty mesh"),
         (np.zeros((0, 3)), np.zeros((0, 3), int), "expected triangles, got an empty mesh"),
@@ -115,8 +115,8 @@ CORNERS = [[0, 0, 0], [30, 0, 0], [0, 30, 0]]
         (None, TRIANGLE, "expected vertices as numbers, got object"),
     ],
 )
-def test_what_is_no_mesh_is_refused_in_one_sentence(vertices, triangles, said):
-    with pytest.raises(PartError, match=said) as raised:
+def test_what_is_no_mesh_is_refused_in_one_sentence(vertices, triangles, message):
+    with pytest.raises(PartError, match=message) as raised:
         tanteo.part_from_mesh(vertices, triangles, unit="mm", name="lump")
     assert str(raised.value).startswith("lump: expected")
 
@@ -175,15 +175,15 @@ def test_a_filled_hole_is_a_face_of_its_own(solids):
 
 
 @pytest.mark.parametrize(
-    ("faces", "said"),
+    ("faces", "message"),
     [
         ([0, 1], "expected one face number for each of 12 triangles, got 2"),
         ([0.5] * 12, "expected faces as whole numbers"),
         ([[0]] * 12, r"expected faces \(T,\), got shape \(12, 1\)"),
     ],
 )
-def test_numbers_of_faces_that_do_not_fit_are_refused(solids, faces, said):
-    with pytest.raises(PartError, match=said):
+def test_numbers_of_faces_that_do_not_fit_are_refused(solids, faces, message):
+    with pytest.raises(PartError, match=message):
         tanteo.part_from_mesh(*solids.box(), unit="mm", faces=faces)
 
 

@@ -1,4 +1,4 @@
-"""OBJ files as programs write them, and as they are broken."""
+"""OBJ files as programs write them, and damaged ones."""
 
 import numpy as np
 import pytest
@@ -61,7 +61,7 @@ def test_broken_obj_files_are_refused_in_a_sentence(tmp_path, text, message):
         read(tmp_path, text)
 
 
-def test_a_polygon_that_no_corner_sees_whole_is_filled(tmp_path):
+def test_a_polygon_without_a_star_corner_is_filled(tmp_path):
     # a square ring, as one polygon with a slit
     ring = [(0, 0), (60, 0), (60, 60), (0, 60), (0, 50), (50, 50), (50, 10), (10, 10), (10, 45), (0, 45)]
     bottom = [f"v {x} {y} 0" for x, y in ring]
@@ -76,7 +76,7 @@ def test_a_polygon_that_no_corner_sees_whole_is_filled(tmp_path):
 
 
 def test_a_polygon_of_thousands_of_corners_is_triangulated_whole(tmp_path):
-    """A star, in which no corner sees all others, extruded: its volume is that of the polygon times its height."""
+    """A star-shaped outline without a central corner, extruded: the volume is the polygon's area times the height."""
     count = 4000
     angles = np.linspace(0, 2 * np.pi, count, endpoint=False)
     radii = 30.0 + np.where(np.arange(count) % 2, 0.5, 0.0)

@@ -82,7 +82,7 @@ def test_a_mesh_has_the_same_holes(plate, tmp_path):
         assert one.residual < 5e-6
 
 
-def around(count, radius, turn=0.3):
+def arc(count, radius, turn=0.3):
     t = turn + 2 * np.pi * np.arange(count) / count
     return [(radius * np.cos(a), radius * np.sin(a), 3) for a in t]
 
@@ -90,7 +90,7 @@ def around(count, radius, turn=0.3):
 @pytest.mark.parametrize(
     ("holes", "kind", "radius", "steps"),
     [
-        (around(5, 25), "bolt circle", 0.025, ()),
+        (arc(5, 25), "bolt circle", 0.025, ()),
         ([(x, y, 3) for x in (-30, 0, 30) for y in (-12, 12)], "grid", None, (0.024, 0.030)),
         ([(x, 0, 3) for x in (-30, -10, 10, 30)], "row", None, (0.020,)),
         ([(-30, -20, 3), (30, -18, 3), (5, 22, 3), (-12, 3, 3)], "irregular", None, ()),

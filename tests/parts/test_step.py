@@ -65,7 +65,7 @@ def cylinder(radius=20, height=50, x=0, y=0, z=0):
 
 
 def plate():
-    """A plate of 100 x 60 x 12 mm with two equal bores on its long middle line."""
+    """Return a plate of 100 x 60 x 12 mm with two equal bores on its long middle line."""
     shape = BRepPrimAPI_MakeBox(gp_Pnt(-50, -30, 0), gp_Pnt(50, 30, 12)).Shape()
     for x in (-30, 30):
         shape = BRepAlgoAPI_Cut(shape, cylinder(8, 20, x, 0, -4)).Shape()
@@ -182,7 +182,7 @@ def test_the_unit_of_the_file_is_read_and_the_part_is_in_metres(tmp_path, unit, 
     np.testing.assert_allclose(part.box[1], [0.08, 0.06, 0.05], atol=1e-9)
 
 
-def test_another_unit_than_that_of_the_file_can_be_asked_for(tmp_path):
+def test_another_unit_than_that_of_the_file_can_be_set(tmp_path):
     inches = write(tmp_path / "plate.step", plate(), unit="INCH")
     part = read_part(inches, unit="mm")
     assert part.unit == "mm"
@@ -255,7 +255,7 @@ def test_without_the_kernel_the_pip_command_is_named(monkeypatch):
         ("wedge", 7, 15, 10, 0, 1),
     ],
 )
-def test_the_examples_are_what_their_names_say(name, planes, edges, corners, curved, order):
+def test_the_examples_have_the_shapes_of_their_names(name, planes, edges, corners, curved, order):
     part = read_part(EXAMPLES / f"{name}.step")
     check_mesh(part)
     assert (len(part.planes), len(part.edges), len(part.corners)) == (planes, edges, corners)

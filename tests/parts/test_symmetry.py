@@ -11,7 +11,7 @@ DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data"
 
 
 def chiral(solids):
-    """A prism over a scalene triangle, skewed: it has no plane and no axis of symmetry."""
+    """Return a prism over a scalene triangle, skewed: it has no plane and no axis of symmetry."""
     vertices, triangles = solids.prism([(0, 0), (70, 0), (20, 45)], 30)
     return vertices + vertices[:, 2:] * [0.3, 0.5, 0.0], triangles
 

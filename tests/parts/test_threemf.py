@@ -46,7 +46,7 @@ def sides(part):
     return np.round(1e3 * np.ptp(part.box, axis=0), 6).tolist()
 
 
-def test_a_prefix_that_nobody_declares_harms_no_mesh(tmp_path):
+def test_an_undeclared_prefix_harms_no_mesh(tmp_path):
     resources = f'<ms:metal name="m" x:ness="1"/><object id="1">{mesh()}</object>'
     part = read_part(write(tmp_path, model(resources, '<item objectid="1"/>')))
     assert sides(part) == [60, 40, 20]

@@ -1,4 +1,4 @@
-"""Meshes that do not close, with three triangles at an edge, bodies in each other: repaired, or taken as they are."""
+"""Meshes that are open, have three triangles at an edge, or intersect: repaired, or used unchanged."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_a_wall_that_stands_out_stays(solids, read_mesh):
 @pytest.mark.parametrize("seed", [None, 0, 1])
 def test_bodies_that_touch_at_an_edge_come_apart(solids, read_mesh, seed):
     vertices, triangles = joined(solids.box(), (solids.box()[0] + [80, 60, 0], solids.box()[1]))
-    if seed is not None:  # whatever the winding
+    if seed is not None:  # for any winding
         flips = np.random.default_rng(seed).random(len(triangles)) < 0.5
         triangles[flips] = triangles[flips, ::-1]
     part = read_mesh(vertices, triangles)
@@ -80,7 +80,7 @@ def test_a_vertex_on_a_neighbours_side_opens_no_gap(solids, read_mesh):
     assert part.repairs == ("Split 1 triangles at corners of others that lie on their sides; no point moved.",)
 
 
-def test_a_pinhole_is_filled_and_its_width_said(solids, read_mesh):
+def test_a_pinhole_is_filled_and_its_width_reported(solids, read_mesh):
     vertices, triangles = solids.sphere(30, 160)
     part = read_mesh(vertices, triangles[1:])
     assert part.closed
@@ -142,5 +142,5 @@ def test_an_open_box_is_located(solids, read_mesh, tmp_path):
     answer = tanteo.locate(tanteo.read_readings(tmp_path / "touches.csv"), part, sd=1e-4)
     assert answer.status in ("recognized", "ambiguous")
     assert part.symmetry.order == 2
-    alike = [T @ turn for turn in part.symmetry.Ts]
-    assert min(np.abs(answer.hypotheses[0].T_world_part - pose).max() for pose in alike) < 5e-3
+    symmetric = [T @ turn for turn in part.symmetry.Ts]
+    assert min(np.abs(answer.hypotheses[0].T_world_part - pose).max() for pose in symmetric) < 5e-3

@@ -1,4 +1,4 @@
-"""Exact readings told at once and one by one: the same belief, and a true one."""
+"""Exact readings given at once and one by one: the same posterior, and a calibrated one."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ SD = 2e-5
 
 
 def touched(target, seed, n=8):
-    """A start known to 3 mm and 2 degrees, the truth, and exact touches of it."""
+    """Return a start known to 3 mm and 2 degrees, the truth, and exact touches of it."""
     start, rng = rough([target], (3e-3, np.radians(2))), np.random.default_rng((2026, seed))
     _, T = drawn_truth(start, rng)
     p, _ = surface_points(target, n, rng)
     return start, T, touches_of(SE3.apply(T, p) + SD * rng.normal(size=p.shape), SD)
 
 
-def test_exact_touches_that_are_told_at_once_place_the_part():
+def test_exact_touches_given_at_once_place_the_part():
     """Proposals that end at the grid's error see all readings as outliers: millimetres off, and sure."""
     target, right, within = prepare(read_part(PARTS / "bracket_left.step")), 0, 0
     for seed in range(15):
@@ -40,8 +40,8 @@ def test_exact_touches_that_are_told_at_once_place_the_part():
 
 
 @pytest.mark.parametrize("seed", [2, *(pytest.param(k, marks=pytest.mark.slow) for k in (3, 6))])
-def test_the_order_in_which_they_are_told_does_not_matter(seed):
-    """Told one by one, backwards, and at once: one pose, within what is known of it."""
+def test_the_order_of_readings_does_not_matter(seed):
+    """One by one, in reverse order, and at once: one pose, within its uncertainty."""
     target = prepare(read_part(PARTS / "bracket_left.step"))
     start, _, touches = touched(target, seed, 10)
     at_once = update(begin(start), touches, no_paths())

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER, STYLUS, met_by_beams, rough
+from sensing_scenes import LASER, STYLUS, beam_hits, rough
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.hand import ForbiddenBox, Workspace
@@ -45,14 +45,14 @@ def test_every_beam_meets_its_face_first_at_the_stand_off(state, probe):
 
 
 def test_starts_and_ways_in_keep_clear_of_the_part(state):
-    """Exactly, although the room is looked up on a grid; and some would be too near."""
+    """Clearance is exact, although a grid stores it; and some candidates would be too near."""
     thick = replace(NARROW, clearance=0.012)
     c, surface = propose(state, thick, 400), state.target(0).surface
     back = np.linspace(0, thick.retreat, 30)
     way = c.origins[:, None] - back[:, None] * c.directions[:, None]
     gaps = surface.closest(on_part(state, way.reshape(-1, 3))).distances
     assert len(c) > 20
-    assert np.abs(gaps).min() > 0.012 - 2e-3  # between the four places that are looked at
+    assert np.abs(gaps).min() > 0.012 - 2e-3  # between the four places that are evaluated
     assert len(c) < len(propose(state, replace(NARROW, clearance=1e-4), 400))
     inside = SE3.apply(state.poses[0], state.target(0).part.vertices[:1])
     bad = Candidates(inside, np.array([[0.0, 0.0, -1.0]]), np.zeros(1, int), np.zeros(1, int), np.ones(1))
@@ -81,7 +81,7 @@ TOUCH = replace(LASER, contact=True, standoff=0.05, clearance=0.008)
 
 
 def over_the_top(state, gap, thick=0.01):
-    """A plate so far over the part, larger than it on all sides."""
+    """Return a plate above the part at a distance, larger than it on all sides."""
     corners = SE3.apply(state.poses[0], state.target(0).part.vertices)
     low, high = corners.min(axis=0), corners.max(axis=0)
     bottom = np.r_[low[:2] - 0.3, high[2] + gap]
@@ -90,7 +90,7 @@ def over_the_top(state, gap, thick=0.01):
 
 @pytest.mark.parametrize("probe", [replace(LASER, standoff=0.08), replace(TOUCH, standoff=0.08)])
 def test_no_way_to_the_part_leads_through_a_forbidden_box(state, probe):
-    """A plate between the starts and the part: the starts have room, the ways have not; a touch keeps its clearance."""
+    """A plate between the starts and the part: the starts are clear, the paths are not; a touch keeps its clearance."""
     plate = over_the_top(state, 0.03)
     free, kept = (propose(state, replace(probe, workspace=Workspace.everywhere(f)), 400) for f in ((), [plate]))
     for c, max_measurements in ((free, 0.5), (kept, 0.0)):
@@ -105,7 +105,7 @@ def test_no_way_to_the_part_leads_through_a_forbidden_box(state, probe):
 
 
 def test_a_touch_stays_inside_the_workspace_its_beam_need_not(state):
-    """The far half of the part is out of bounds; starts before it have room."""
+    """The far half of the part is out of bounds; starts before it are clear."""
     middle = SE3.apply(state.poses[0], state.target(0).part.centroid)[2]
     for probe, out in ((TOUCH, False), (replace(TOUCH, contact=False), True)):
         c = propose(state, replace(probe, workspace=Workspace.above(middle)), 400)
@@ -140,7 +140,7 @@ def test_starts_keep_clear_of_the_part_wherever_it_may_be():
     assert not len(propose(begin(rough([block], (0.03, 0.15))), replace(TOUCH, clearance=0.01), 300))
 
 
-def test_room_is_kept_from_every_mode_probable_none_of_these_is():
+def test_clearance_holds_for_every_mode_if_unknown_is_probable():
     target, C = prepare(read_part(PARTS / "block.step")), np.diag(np.repeat([0.012, 0.12], 3) ** 2)
     states = [begin(at_pose(target, np.eye(4), C, Priors(unknown=u))) for u in (0.05, 0.9999)]
     first, second = (propose(state, TOUCH, 200) for state in states)
@@ -149,13 +149,13 @@ def test_room_is_kept_from_every_mode_probable_none_of_these_is():
 
 
 def test_readings_nearer_than_the_least_range_are_improbable():
-    """Of new samples of a prior pose; and those that are nearest in the middle are what is left out."""
+    """The test uses new samples of a prior pose; the excluded ones are those nearest to the middle."""
     target, C = prepare(read_part(PARTS / "bracket_left.step")), np.diag(np.repeat([0.01, 0.1], 3) ** 2)
     state, rng, share = begin(at_pose(target, np.eye(4), C)), np.random.default_rng(3), []
     Ts = SE3.exp(rng.normal(size=(1000, 6)) @ np.linalg.cholesky(C).T)
     for least in (0.065, 0.0):
         c = propose(state, replace(LASER, min_range=least), 300)
-        share.append(np.mean(met_by_beams(target, Ts, c.origins, c.directions)[0] < 0.065))
+        share.append(np.mean(beam_hits(target, Ts, c.origins, c.directions)[0] < 0.065))
         assert len(c) > 30
     assert share[0] < 0.015
     assert share[1] > 2 * share[0]
@@ -191,7 +191,7 @@ def test_a_stylus_touches_the_wall_of_a_bore_from_its_axis(spacer):
 
 
 @pytest.mark.parametrize("change", [{"stylus": None, "stylus_along_motion": True}, {"clearance": 0.0181}])
-def test_no_bore_is_entered_sideways_or_without_room(spacer, change):
+def test_no_bore_is_entered_sideways_or_without_clearance(spacer, change):
     c, part = propose(spacer, replace(STYLUS, standoff=0.05, **change), 400), spacer.target(0).part
     assert len(c)
     assert not any(part.faces[f].surface == "cylinder" for f in c.face)

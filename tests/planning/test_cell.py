@@ -30,8 +30,8 @@ def touches(part, rng, tip, *, turned: bool, count: int = 60) -> Readings:
     ways = -cross[k] / areas[k, None]
     R = SO3.exp(rng.normal(0, 1.0, (count, 3)) if turned else np.zeros((count, 3)))
     hands = SE3.from_parts(R, points + rng.normal(0, SD, points.shape) - R @ np.array([0, 0, 0.1]))
-    said = points + np.sum(rng.normal(0, SD, points.shape) * ways, axis=1)[:, None] * ways - R @ tip
-    return Readings.from_columns(said, directions=ways, Ts_world_hand=hands)
+    sensed = points + np.sum(rng.normal(0, SD, points.shape) * ways, axis=1)[:, None] * ways - R @ tip
+    return Readings.from_columns(sensed, directions=ways, Ts_world_hand=hands)
 
 
 def checked(part, readings: Readings, **errors):
@@ -54,7 +54,7 @@ def test_a_tip_as_stated_is_not_contradicted(models, rng):
     assert not found.errors[0].contradicted
 
 
-def test_what_readings_do_not_tell_is_said(models, rng):
+def test_undetermined_directions_are_reported(models, rng):
     """A hand that never turns: its tip's offset moves the part, and nothing else."""
     readings = touches(models["wedge"].part, rng, np.array([6e-4, 0, 0]), turned=False)
     found = checked(models["wedge"], readings, tip_sd=[1e-4] * 3)

@@ -1,4 +1,4 @@
-"""What readings told, against what can be reckoned by hand: a block, touched squarely on three faces."""
+"""Gains of readings, against values computed by hand: a block, touched squarely on three faces."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def target(tmp_path_factory):
 
 
 def touch(name, point_mm, axis):
-    """A beam that meets the face whose outward normal is an axis, there."""
+    """Return a beam that hits the face whose outward normal is an axis."""
     return Readings.from_columns(
         1e-3 * np.array([point_mm], dtype=float), ids=[name], directions=-np.eye(3)[[axis]], ranges=np.array([0.1])
     )
@@ -60,8 +60,8 @@ def session_on(target, touches, T=None, covariance=None):
 @pytest.mark.xfail(strict=False, reason="of two equal directions any axes may be named")
 def test_readings_on_a_face_fix_its_normal_and_its_two_tilts(target):
     session = session_on(target, TOUCHES)
-    told = explain(session.state, session.steps)
-    assert told.part == "block"
+    explanation = explain(session.state, session.steps)
+    assert explanation.part == "block"
     a, b, c = HALF
     top, end, side = (dict.fromkeys([f"{face}{k}" for k in range(n)], 1.0) for face, n in FACES.items())
     tilts = dict.fromkeys(end, 0.04**2) | dict.fromkeys(side, 0.02**2)
@@ -73,9 +73,9 @@ def test_readings_on_a_face_fix_its_normal_and_its_two_tilts(target):
         "rotation about world y": (dict.fromkeys(top, 0.07**2), a**2 + c**2, TURN),
         "rotation about world z": (tilts, a**2 + b**2, TURN),
     }
-    found = {str(d.motion).split(" through")[0]: d for d in told.directions}
+    found = {str(d.motion).split(" through")[0]: d for d in explanation.directions}
     assert set(found) == set(expected)
-    assert [d.moves for d in told.directions] == sorted((d.moves for d in told.directions), reverse=True)
+    assert [d.moves for d in explanation.directions] == sorted((d.moves for d in explanation.directions), reverse=True)
     for motion, (levers, corners, known) in expected.items():
         d, total = found[motion], sum(levers.values()) / SD**2 + 1 / known**2
         assert d.prior == pytest.approx(1 / known**2 / total, rel=0.02)
@@ -154,12 +154,12 @@ def test_the_spin_of_a_round_part_is_nothing_to_be_known(tmp_path):
     assert pin.part.symmetry.continuous
     touches = [touch("end", (0, 0, 30), 2), touch("side", (20, 0, 5), 0), touch("other", (0, 20, -5), 1)]
     session = session_on(pin, touches)
-    told = explain(session.state, session.steps)
-    assert len(told.directions) == 5
-    for direction in told.directions:
+    explanation = explain(session.state, session.steps)
+    assert len(explanation.directions) == 5
+    for direction in explanation.directions:
         assert not str(direction.motion).startswith(("rotation about world z", "rotation about part z"))
         assert sum(share for _, share in direction.shares) + direction.prior == pytest.approx(1)
-    for one, now in zip(told.added, session.steps, strict=True):
+    for one, now in zip(explanation.added, session.steps, strict=True):
         assert one.corner_sd == pytest.approx(now.corner_sd)
 
 
@@ -196,5 +196,5 @@ def test_information_on_the_part_is_relative_entropy(target):
 
 def test_before_the_first_reading_nothing_is_explained(target):
     session = session_on(target, [])
-    told = explain(session.state, session.steps)
-    assert (told.part, told.added, told.directions) == ("block", (), ())
+    explanation = explain(session.state, session.steps)
+    assert (explanation.part, explanation.added, explanation.directions) == ("block", (), ())

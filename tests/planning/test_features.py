@@ -1,4 +1,4 @@
-"""Faces, edges and corners as candidates: readings that lie there, and what they tell together."""
+"""Faces, edges and corners as candidates: readings that lie there, and their common information."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER, STYLUS, drawn_truth, met_by_beams, new_session, off, rough, sense
+from sensing_scenes import LASER, STYLUS, beam_hits, drawn_truth, new_session, off, rough, sense
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
 from tanteo.planning import POLICIES, DecisionContext, at_pose, begin, features, propose
@@ -45,7 +45,7 @@ def test_readings_of_a_feature_lie_on_its_faces_and_near_it(context):
         assert np.linalg.norm(near - point) < 0.6 * part.diagonal
 
 
-def test_what_a_feature_tells_is_the_ratio_of_determinants(context):
+def test_the_gain_of_a_feature_is_the_ratio_of_determinants(context):
     """One pose, so well known that all is linear: against the determinant of the covariance after the readings."""
     state, rng, kinds = context.state, np.random.default_rng(1), set()
     C, T = state.covariances[0], state.poses
@@ -54,7 +54,7 @@ def test_what_a_feature_tells_is_the_ratio_of_determinants(context):
         choice = POLICIES["features"].choose(DecisionContext(state, c, LASER, None, None, 0, 0))
         reason = choice.reason
         (f,) = (f for f in features(state, c) if (f.name, len(f.rows) - 1) == (reason.feature, reason.others))
-        d, cosine, _, g = met_by_beams(state.target(0), T, c.origins[f.rows], c.directions[f.rows])
+        d, cosine, _, g = beam_hits(state.target(0), T, c.origins[f.rows], c.directions[f.rows])
         G, R = g[:, 0], LASER.variance(d, cosine)[:, 0]
         after = np.linalg.inv(np.linalg.inv(C) + G.T @ (G / R[:, None]))
         assert choice.gain == pytest.approx(0.5 * (np.linalg.slogdet(C)[1] - np.linalg.slogdet(after)[1]), rel=1e-6)

@@ -67,7 +67,7 @@ def test_information_is_invariant_to_units():
     assert same.expected_remaining == pytest.approx(5 * 0.95)
 
 
-def test_far_hypotheses_tell_everything():
+def test_far_hypotheses_have_full_information():
     w = np.array([0.5, 0.3, 0.2])
     found = planning.gate_discrimination(w, np.array([0, 100.0, 1e4]), np.array([1.0, 1e-6, 1e-2]), 0.05)
     entropy = -w @ np.log(w)
@@ -141,10 +141,10 @@ def test_predicted_range_and_its_gradient():
     assert found.mean == pytest.approx(np.linalg.norm(aim))
     h = 1e-6
     for k, e in enumerate(np.eye(6)):
-        ahead, behind = (
+        ahead, back = (
             planning.predict_range(T @ SE3.exp(s * h * e), P, T_plane, origin, beam, 0).mean for s in (1, -1)
         )
-        assert found.gradient[k] == pytest.approx((ahead - behind) / (2 * h), abs=1e-6)
+        assert found.gradient[k] == pytest.approx((ahead - back) / (2 * h), abs=1e-6)
     draws = T @ SE3.exp(rng.multivariate_normal(np.zeros(6), P, size=20_000))
     ranges = planning.predict_range(draws, P, T_plane, origin, beam, 1e-6).mean
     assert ranges.var() + 1e-6 == pytest.approx(found.variance, rel=0.04)
@@ -154,8 +154,8 @@ def test_beams_along_the_plane_and_improper_inputs_are_refused():
     with pytest.raises(DegenerateError, match="parallel"):
         planning.predict_range(np.eye(4), np.eye(6), np.eye(4), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]), 1.0)
     turned = SE3.from_parts(SO3.axis_rotation(1, np.pi), np.zeros(3))
-    behind = planning.predict_range(np.eye(4), np.eye(6), turned, np.array([0, 0, 1.0]), np.array([0, 0, 1.0]), 1.0)
-    assert behind.mean == -1
+    back = planning.predict_range(np.eye(4), np.eye(6), turned, np.array([0, 0, 1.0]), np.array([0, 0, 1.0]), 1.0)
+    assert back.mean == -1
     with pytest.raises(InputError, match="sums to 1"):
         planning.gate_discrimination(np.ones(2), np.zeros(2), np.ones(2), 0.05)
     with pytest.raises(InputError, match="positive"):

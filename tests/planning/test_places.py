@@ -1,4 +1,4 @@
-"""A named feature that has to keep a tolerance: it counts across itself, and what is said of it is true."""
+"""A named feature with a tolerance: its error counts across itself, and the stated values are right."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_a_plan_for_a_feature_needs_fewer_readings(wedge, of_corners, feature):
     assert np.std(off, axis=0).max() < last.sd == last.feature_sd
 
 
-def test_a_session_ends_when_the_feature_is_placed_and_says_so(wedge):
+def test_a_session_ends_with_the_feature_placed_as_reason(wedge):
     start = rough([wedge])
     _, T = drawn_truth(start, np.random.default_rng(7))
     counts = {}
@@ -149,13 +149,14 @@ def test_a_session_ends_when_the_feature_is_placed_and_says_so(wedge):
 
 
 @pytest.mark.parametrize(
-    ("feature", "says"), [("hole 3", "expected 'face 3', 'edge 4' or 'vertex 2'"), ("edge 99", "wedge: edge 0 to 14")]
+    ("feature", "message"),
+    [("hole 3", "expected 'face 3', 'edge 4' or 'vertex 2'"), ("edge 99", "wedge: edge 0 to 14")],
 )
-def test_a_feature_that_is_not_there_is_refused(wedge, feature, says):
+def test_a_feature_that_is_not_there_is_refused(wedge, feature, message):
     start = at_pose(wedge, np.eye(4), C)
-    with pytest.raises(InputError, match=says):
+    with pytest.raises(InputError, match=message):
         Session(start, LASER, stop=Stop(tolerance=1e-3, feature=feature))
-    with pytest.raises(InputError, match=says):
+    with pytest.raises(InputError, match=message):
         plan(start, TOUCH, 1e-3, feature=feature)
 
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import binom
 
 from cli.conftest import prism, stl
-from sensing_scenes import FLIGHT, LASER, as_rows, located, met_by_beams, new_session, of_plan, sense
+from sensing_scenes import FLIGHT, LASER, as_rows, beam_hits, located, new_session, of_plan, sense
 from tanteo import locate
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
@@ -21,7 +21,7 @@ from tanteo.sensors import NoiseLaw, Readings, sensor_preset
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 TOUCH = Probe("touch", NoiseLaw.of(3e-4), contact=True, standoff=0.03)
-FARTHER = replace(TOUCH, standoff=0.06)  # with room wherever a large part may lie
+FARTHER = replace(TOUCH, standoff=0.06)  # clear of every pose of a large part
 C = np.diag(np.repeat([5e-3, 0.05], 3) ** 2)
 
 
@@ -100,7 +100,7 @@ def test_the_worst_corner_is_as_good_as_in_best_of_many_plans(name, n):
     start, rng = at_pose(target, np.eye(4), C), np.random.default_rng(3)
     touches = propose(begin(start), TOUCH, 800, anywhere=False)
     Ts = SE3.exp(rng.normal(size=(200, 6)) @ np.linalg.cholesky(C).T)
-    faces = met_by_beams(target, Ts, touches.origins, touches.directions)[2]
+    faces = beam_hits(target, Ts, touches.origins, touches.directions)[2]
     touches = touches.take(np.mean(faces == touches.face[:, None], axis=1) > 0.95)  # those that a plan may count on
     assert len(touches) > 100
     rows, variances = as_rows(target, touches.origins, touches.directions, TOUCH)
@@ -134,7 +134,7 @@ def test_a_robot_that_is_off_moves_its_readings_alone(bracket):
     found = plan(start, replace(TOUCH, base_sds=sds), 1e-5, max_measurements=1)
     base = SE3.adjoint_inverse(T) @ np.diag(np.repeat(np.square(sds), 3)) @ SE3.adjoint_inverse(T).T
     (reading,) = found.readings
-    ranges, cosines, _, g = met_by_beams(bracket, T[None], reading.origin[None], reading.direction[None])
+    ranges, cosines, _, g = beam_hits(bracket, T[None], reading.origin[None], reading.direction[None])
     g, r = g[0, 0], TOUCH.own_variance(ranges, cosines)[0, 0]
     expected = C - np.outer(C @ g, C @ g) / (g @ (C + base) @ g + r)
     np.testing.assert_allclose(reading.covariance, expected, atol=1e-6 * np.abs(C).max())
@@ -154,10 +154,10 @@ def test_planned_readings_meet_their_faces_wherever_part_may_be(bracket):
     found, rng = plan(at_pose(bracket, np.eye(4), rough_C), FARTHER, 1e-5, max_measurements=5), np.random.default_rng(4)
     Ts = SE3.exp(rng.normal(size=(300, 6)) @ np.linalg.cholesky(rough_C).T)
     origins, directions = of_plan(found)
-    faces = met_by_beams(bracket, Ts, origins, directions)[2]
+    faces = beam_hits(bracket, Ts, origins, directions)[2]
     names = np.array([[bracket.part.faces[f].name if f >= 0 else "" for f in row] for row in faces])
-    met = names == np.array([r.face for r in found.readings])[:, None]
-    assert met.mean(axis=1).min() > 0.8
+    on_face = names == np.array([r.face for r in found.readings])[:, None]
+    assert on_face.mean(axis=1).min() > 0.8
 
 
 def test_a_bias_does_not_average_out(bracket):
@@ -176,7 +176,7 @@ def test_a_robot_that_is_off_is_what_limits_the_plan(bracket):
     assert "robot's own error" in found.message
     fewer = plan(
         at_pose(bracket, np.eye(4), C), off, 4e-3, 0.3, max_measurements=1
-    )  # that more readings would do is what is said
+    )  # the message proposes more readings
     assert not fewer.reached
     assert "Allow more readings" in fewer.message
 
@@ -208,7 +208,7 @@ def test_the_spin_of_a_round_part_needs_no_reading(disc):
     assert session.steps[-1].corner_sd < 1e-3
 
 
-def test_out_of_reach_is_said(bracket):
+def test_out_of_reach_is_reported(bracket):
     from tanteo.hand import Workspace
 
     away = replace(TOUCH, workspace=Workspace.above(3.0))
@@ -227,7 +227,7 @@ def test_a_plan_that_cannot_be_meant_is_refused(bracket, tolerance, confidence, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("names", [("bracket_left", "bracket_right"), ("step_12mm", "step_15mm")])
-def test_one_reading_tells_twins_apart(names):
+def test_one_reading_distinguishes_twins(names):
     pair = [prepare(read_part(PARTS / f"{name}.step")) for name in names]
     found = discriminate(*pair, LASER)
     assert found.parts == names
@@ -251,7 +251,7 @@ def test_one_reading_tells_twins_apart(names):
 
 
 def test_a_step_is_discriminated_from_its_twin():
-    """The 3 mm are then all in one place; shared out over the part, a beam beside the foot would seem to tell it."""
+    """The 3 mm are then all in one place; spread over the part, a beam beside the foot would seem to decide it."""
     pair = [prepare(read_part(PARTS / f"step_{n}mm.step")) for n in (15, 12)]
     found = discriminate(*pair, LASER)
     for T in (np.eye(4), found.T_first_second):  # the files have one frame
@@ -260,20 +260,20 @@ def test_a_step_is_discriminated_from_its_twin():
         assert not abs(reads - found.ranges[0]) < 1e-3
 
 
-def test_the_spread_that_is_said_is_that_of_place_and_noise():
-    """Both parts drawn from where they are located: what the reading then says, against what was promised."""
+def test_the_stated_spread_is_that_of_place_and_noise():
+    """Both parts are drawn from their located poses: the spread of the reading, against the stated one."""
     names, rng, sd = ("step_12mm", "step_15mm"), np.random.default_rng(2), 1e-3
     pair = [prepare(read_part(PARTS / f"{name}.step")) for name in names]
     found = discriminate(*pair, LASER, sd)
     xi = np.linalg.cholesky(located(pair[0], sd)) @ rng.normal(size=(4000, 6, 1))
-    ranges = met_by_beams(pair[0], SE3.exp(xi[..., 0]), found.origin[None], found.direction[None])[0][0]
+    ranges = beam_hits(pair[0], SE3.exp(xi[..., 0]), found.origin[None], found.direction[None])[0][0]
     ranges = ranges[np.abs(ranges - found.ranges[0]) < 6 * found.sds[0]]
     spread = np.hypot(np.std(ranges), float(LASER.law.const))
     assert len(ranges) > 3000
     assert found.sds[0] == pytest.approx(spread, rel=0.1)
 
 
-def test_what_no_reading_tells_apart_is_said():
+def test_indistinguishable_parts_are_reported():
     same = prepare(read_part(PARTS / "wedge.step"))
     found = discriminate(same, same, FLIGHT)
     assert found.information < 0.05
@@ -302,16 +302,18 @@ def test_what_a_probe_cannot_be_names_the_value():
 
 
 def carried_out(found, target, start, sd, rng):
-    """How far the worst place is off after a plan whose readings are made blindly and told to ``locate``."""
+    """Return the largest error of a place after a plan whose readings go to ``locate`` without feedback."""
     T = start.Ts[0] @ SE3.exp(np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=6))
     origins, directions = of_plan(found)
-    ranges = met_by_beams(target, T[None], origins, directions)[0][:, 0]
-    met = np.isfinite(ranges)
-    ranges = ranges[met] + sd * rng.normal(size=int(met.sum()))
-    told = Readings.from_columns(
-        origins[met] + ranges[:, None] * directions[met], directions=directions[met], sds=np.full(met.sum(), sd)
+    ranges = beam_hits(target, T[None], origins, directions)[0][:, 0]
+    on_face = np.isfinite(ranges)
+    ranges = ranges[on_face] + sd * rng.normal(size=int(on_face.sum()))
+    readings = Readings.from_columns(
+        origins[on_face] + ranges[:, None] * directions[on_face],
+        directions=directions[on_face],
+        sds=np.full(on_face.sum(), sd),
     )
-    answer = locate(told, target.part, priors=Priors(pose=PosePrior(start.Ts[0], start.covariances[0])))
+    answer = locate(readings, target.part, priors=Priors(pose=PosePrior(start.Ts[0], start.covariances[0])))
     if not answer.hypotheses:
         return np.inf
     places, gap = places_of(target.part, found.feature), SE3.inverse(T) @ answer.hypotheses[0].T_world_part
@@ -338,15 +340,15 @@ def test_the_share_of_placements_where_all_meet_is_as_counted(bracket, planned):
     found, rng = planned, np.random.default_rng(5)
     Ts = SE3.exp(rng.normal(size=(3000, 6)) @ np.linalg.cholesky(C).T)
     origins, directions = of_plan(found)
-    _, cosines, faces, _ = met_by_beams(bracket, Ts, origins, directions)
+    _, cosines, faces, _ = beam_hits(bracket, Ts, origins, directions)
     names = np.array([r.face for r in found.readings])
     of = np.array([face.name for face in bracket.part.faces])
-    met = (faces >= 0) & (of[faces] == names[:, None])
-    met &= cosines >= np.cos(TOUCH.max_incidence)
-    assert found.all_meet == pytest.approx(met.all(axis=0).mean(), abs=0.04)
+    on_face = (faces >= 0) & (of[faces] == names[:, None])
+    on_face &= cosines >= np.cos(TOUCH.max_incidence)
+    assert found.all_meet == pytest.approx(on_face.all(axis=0).mean(), abs=0.04)
 
 
-def test_a_start_from_which_the_part_is_met_is_said():
+def test_a_start_in_contact_with_the_part_is_reported():
     """8 mm before a part that is known to 5 mm: in some placements the probe would start in it."""
     step = prepare(read_part(PARTS / "step_12mm.step"))
     start = at_pose(step, np.eye(4), np.diag(np.repeat([5e-3, np.radians(3)], 3) ** 2))
@@ -361,7 +363,7 @@ def test_a_start_from_which_the_part_is_met_is_said():
     assert roomy.all_clear > 0.95
 
 
-def test_a_probe_without_enough_room_is_told_how_much_it_has(bracket):
+def test_a_probe_without_enough_clearance_gets_its_value(bracket):
     start = at_pose(bracket, np.eye(4), C)
     found = plan(start, probe_of(sensor_preset("inductive_analog_m18")), 1e-3)
     assert found.readings == ()

@@ -39,7 +39,7 @@ def start():
     return rough([prepare(read_part(PARTS / f"{name}.step")) for name in names])
 
 
-def test_where_only_the_part_is_asked_for_it_is_part_that_counts(start):
+def test_where_only_the_part_is_wanted_its_entropy_counts(start):
     state = begin(start)
     candidates = propose(state, LASER, 300)
     samples = draw(state, 128)
@@ -54,26 +54,26 @@ def test_where_only_the_part_is_asked_for_it_is_part_that_counts(start):
     )
     assert both.index == np.argmax(of_both)
     assert of_part[only.index] > of_part[both.index]
-    assert only.gain == of_both[only.index]  # what it tells in all, by which a session ends
+    assert only.gain == of_both[only.index]  # its total gain, by which a session ends
 
 
 def test_information_counts_by_time_where_time_counts(start):
     state = begin(start)
     candidates = propose(state, LASER, 300)
     context = DecisionContext(state, candidates, LASER, candidates.origins[0], None, 0, 0)
-    told = expected_information(*_predicted(state, candidates), LASER)
+    information = expected_information(*_predicted(state, candidates), LASER)
     best, quick = (POLICIES[name].choose(context) for name in ("information", "information-per-second"))
-    assert best.index == np.argmax(told)
-    assert quick.index == np.argmax(told / context.seconds())
+    assert best.index == np.argmax(information)
+    assert quick.index == np.argmax(information / context.seconds())
     assert quick.index != best.index
 
 
 def test_a_part_that_is_known_leaves_its_pose_to_choose_by(start):
     state = begin(rough(start.targets[2:]))
     candidates = propose(state, LASER, 300)
-    told = expected_information(*_predicted(state, candidates), LASER)
+    information = expected_information(*_predicted(state, candidates), LASER)
     choice = POLICIES["information"].choose(DecisionContext(state, candidates, LASER, None, None, 0, 0, part_only=True))
-    assert choice.index == np.argmax(told) != 0
+    assert choice.index == np.argmax(information) != 0
 
 
 def _predicted(state, candidates):
@@ -84,7 +84,7 @@ def _predicted(state, candidates):
 @pytest.mark.parametrize(
     ("stop", "part_only"), [({}, True), ({"tolerance": 1e-3}, False), ({"probability": None}, False)]
 )
-def test_a_session_says_what_it_asks_for(start, stop, part_only):
+def test_a_session_states_its_plan(start, stop, part_only):
     seen = []
 
     class Watched:
@@ -106,11 +106,16 @@ def test_the_part_counts_above_all_until_it_is_known(start):
     place, policy = (state, candidates, LASER, None, 1e-3, 0, 0), POLICIES["information"]
     samples = draw(state, 128, 1e-3)
     predicted = predict(samples, candidates.origins, candidates.directions, LASER)
-    told, of_part = expected_information(samples, predicted, LASER), about_mode(samples, predicted, LASER, samples.part)
+    information, of_part = (
+        expected_information(samples, predicted, LASER),
+        about_mode(samples, predicted, LASER, samples.part),
+    )
     chosen = [policy.choose(DecisionContext(*place, **what)) for what in ({"part_only": True}, {"part_open": True}, {})]
-    assert [c.index for c in chosen] == [np.argmax(w * told + of_part) for w in (0.01, 0.3)] + [np.argmax(told)]
+    assert [c.index for c in chosen] == [np.argmax(w * information + of_part) for w in (0.01, 0.3)] + [
+        np.argmax(information)
+    ]
     assert chosen[0].index != chosen[2].index
-    assert [c.gain for c in chosen] == [told[c.index] for c in chosen]  # a session ends by all that is told
+    assert [c.gain for c in chosen] == [information[c.index] for c in chosen]  # a session ends by the total gain
 
 
 @pytest.mark.parametrize(
@@ -122,8 +127,8 @@ def test_the_part_counts_above_all_until_it_is_known(start):
         ((1, 1, 1), None, False),
     ],
 )
-def test_a_session_says_whether_the_part_is_open(start, weights, probability, part_open):
-    """Before the first reading; what is less probable than all else together is not known, whatever is asked for."""
+def test_a_session_states_whether_the_part_is_open(start, weights, probability, part_open):
+    """Before the first reading, a part that is less probable than all others together is open, for every goal."""
     session = new_session(replace(start, weights=np.array(weights)), probability=probability, tolerance=1e-3)
     seen = []
 
@@ -139,8 +144,8 @@ def test_a_session_says_whether_the_part_is_open(start, weights, probability, pa
     assert seen == [part_open]
 
 
-def test_one_part_alone_is_told_from_none_of_these(start):
-    """There is no other part to tell it from, and yet readings are worth making."""
+def test_one_part_alone_is_distinguished_from_the_unknown(start):
+    """There is no other part to exclude, and yet readings are worth their cost."""
     alone = rough(start.targets[2:])
     rng = np.random.default_rng(3)
     _, T = drawn_truth(alone, rng)
@@ -149,7 +154,7 @@ def test_one_part_alone_is_told_from_none_of_these(start):
 
 @pytest.mark.parametrize("policy", ["random", "nearest", "largest-face", "3-2-1"])
 def test_any_policy_ends_where_nothing_is_worth_its_cost(start, policy):
-    """Known to hundredths of a millimetre; what a reading of 0.3 mm would tell is computed for all policies."""
+    """Known to hundredths of a millimetre; the gain of a reading of 0.3 mm is computed for all policies."""
     located = rough(start.targets[2:], (1e-5, 1e-4))
     session = new_session(located, policy=policy, probability=None, tolerance=1e-6)
     end = session.ask()
@@ -161,11 +166,11 @@ def test_any_policy_ends_where_nothing_is_worth_its_cost(start, policy):
     assert np.isnan(new_session(start, policy=policy).ask().gain)  # it was not chosen by that
 
 
-def test_the_best_is_what_the_best_candidate_tells(start):
+def test_the_best_gain_is_that_of_the_best_candidate(start):
     state = begin(start)
     candidates = propose(state, LASER, 300)
-    told = expected_information(*_predicted(state, candidates), LASER)
-    assert most_information(DecisionContext(state, candidates, LASER, None, None, 0, 0)) == told.max()
+    information = expected_information(*_predicted(state, candidates), LASER)
+    assert most_information(DecisionContext(state, candidates, LASER, None, None, 0, 0)) == information.max()
 
 
 def test_utilities_have_names_of_their_own():

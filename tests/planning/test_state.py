@@ -1,4 +1,4 @@
-"""The belief while sensing: what Bayes' rule says, wherever it can be computed otherwise."""
+"""The posterior while sensing: the result of Bayes' rule, where it can be computed independently."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_masses_are_those_of_plain_importance_sampling(targets, n, unknown):
 
 
 def test_precise_readings_of_prior_not_rule_out_what_they_are_of(targets):
-    """A sheet 8 um thin in a place of 15 mm: samples off it told nothing, and the unknown object got it all."""
+    """A sheet 8 um thin in a place of 15 mm: samples off it had no information, and the unknown object got it all."""
     start, log, unknown = rough(targets, (0.015, 0.15)), [], []
     for seed in range(3):
         rng = np.random.default_rng((7, seed))
@@ -104,7 +104,7 @@ def test_many_readings_give_what_identify_gives(targets):
     assert 0.5 < ratio.min() <= ratio.max() < 2.0  # both by samples, of which 150 count
     near_variant = (
         0.05 / 2 / 0.95 / 26 / betabinom(25, 0.5, 24.5).pmf(0)
-    )  # a part that is like it, of which no other face was met
+    )  # a similar part without a reading on its other face
     assert state.weights[0] == pytest.approx(1 - near_variant, abs=2e-4)
 
 
@@ -134,13 +134,13 @@ def test_free_paths_speak_against_what_blocks_them(targets):
 
 
 def test_a_symmetric_part_is_one_answer_and_no_more_probable():
-    """A block fits its own place in several ways; under a prior pose only one of them is meant."""
+    """A block fits its own place in several ways; a prior pose selects one."""
     pair = [prepare(read_part(PARTS / f"{name}.step")) for name in ("square_post", "wedge")]
     assert pair[0].part.symmetry.order > 1
     start = rough(pair, (0.005, 0.05))
     far = readings(pair[0], SE3.exp(np.array([3.0, 0, 0, 0, 0, 0])), 3, np.random.default_rng(0))
     blank = altered(far, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
-    state = update(begin(start), blank, no_paths())  # readings that say nothing leave the start as it was
+    state = update(begin(start), blank, no_paths())  # uninformative readings leave the start unchanged
     P = state.of_parts() / state.of_parts().sum()
     areas = np.array([t.part.area for t in pair])
     assert areas.all()
@@ -148,13 +148,13 @@ def test_a_symmetric_part_is_one_answer_and_no_more_probable():
 
 
 def two_places(target):
-    """A part at one of two places 0.1 m apart, of unequal probability and spread."""
+    """Return a part at one of two places 0.1 m apart, with unequal probabilities and covariances."""
     Ts = SE3.exp(np.array([[0, 0, 0, 0, 0, 0], [0.1, 0, 0, 0, 0, 0.3]]))
     C = np.stack([np.diag(np.repeat(sds, 3) ** 2) for sds in ((1e-3, 0.01), (2e-3, 0.02))])
     return Start((target,), np.zeros(2, dtype=np.int64), Ts, C, np.array([0.9, 0.1]), Priors(noise_factor=1.0))
 
 
-def test_prior_poses_keep_their_odds_while_readings_say_nothing(targets):
+def test_prior_poses_keep_their_odds_without_information(targets):
     start = two_places(targets[2])
     some = readings(targets[2], np.eye(4), 3, np.random.default_rng(0))
     blank = altered(some, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
@@ -235,7 +235,7 @@ def test_a_mode_without_draws_counts_by_its_covariance(targets):
 
 
 def test_free_beams_alone_leave_start_where_they_did_not_pass(targets):
-    """Nothing was met: there is no touch to weigh, only paths; beside the part they say nothing."""
+    """There is no hit and no touch to weigh, only paths; beside the part they have no information."""
     start = rough(targets, sd=(1e-3, 1e-2))
     far = FreeRays(np.array([[1.0, 0.0, 0.5]]), np.array([[0.0, 0.0, -1.0]]), np.array([0.4]), np.zeros(1))
     state = update(
@@ -247,8 +247,8 @@ def test_free_beams_alone_leave_start_where_they_did_not_pass(targets):
 
 
 @pytest.mark.parametrize("bias", [-1.5, 0.5, 2.0])
-def test_a_shared_error_may_explain_what_looks_aoutliers(targets, bias):
-    """A place known sharply, a reading of 0.1 mm off by a bias of 3 mm sd: odds by drawing pose and bias alike."""
+def test_a_shared_error_may_explain_apparent_outliers(targets, bias):
+    """A place known sharply, a reading of 0.1 mm off by a bias of 3 mm sd: odds from draws of both pose and bias."""
     start, rng, n = (
         rough(targets[2:], (2e-4, 2e-3), Priors(noise_factor=1.0, unknown=0.5)),
         np.random.default_rng(6),
@@ -282,12 +282,12 @@ def test_a_discarded_part_is_searched_again_before_certainty(targets):
         odds = [
             b.of_parts()[1] for b in (update(before, touches, no_paths()), update(begin(even), touches, no_paths()))
         ]
-        np.testing.assert_allclose(odds[0], odds[1], atol=0.1)  # each is told to 0.04 by the samples of two ridges
+        np.testing.assert_allclose(odds[0], odds[1], atol=0.1)  # each is known to 0.04 from the samples of two ridges
         assert odds[0] > 0.1
 
 
-def test_parts_without_a_prior_pose_are_never_looked_for(targets):
-    """An image leaves some parts out: when the others are looked at again, these are not."""
+def test_parts_without_a_prior_pose_are_never_searched(targets):
+    """An image excludes some parts: a second search of the others does not include these."""
     start = replace(rough(targets), part=np.array([2, 2, 2]))
     touches = readings(targets[2], start.Ts[2], 5, np.random.default_rng(9))
     state = update(begin(start), touches, no_paths())

@@ -1,4 +1,4 @@
-"""How near the truth is said to be, against sampling of another kind."""
+"""Stated distance from the truth, against sampling by another method."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_only_what_is_known_but_for_none_of_these_is_confirmed():
 
 
 def test_what_little_is_left_is_worth_as_many_readings():
-    """Two parts at 0.98 and 0.02: 0.098 nats are left to know, which ten readings of 0.01 tell and nine do not."""
+    """Two parts at 0.98 and 0.02: ten readings of 0.01 nats give the missing 0.098 nats and nine do not."""
     target = prepare(read_part(PARTS / "wedge.step"))
     start = at_place([target, target], np.eye(4), np.diag(np.repeat([1e-3, 1e-3], 3)) ** 2)
     state = replace(begin(replace(start, weights=np.array([0.98, 0.02]))), unknown=0.0)
@@ -118,13 +118,13 @@ def test_what_little_is_left_is_worth_as_many_readings():
     assert not Stop(0.99).many_small_gains_suffice(replace(state, unknown=0.5), 0.01, 10)
 
 
-def test_a_part_is_nowhere_near_where_another_is_said_to_be():
+def test_a_part_is_not_near_the_stated_pose_of_another():
     target = prepare(read_part(PARTS / "wedge.step"))
     twins = replace(begin(at_place([target, target], np.eye(4), 1e-6 * np.eye(6))), unknown=0.1)
     assert chance_within(twins, 0.1) == pytest.approx(0.45)
 
 
-def test_where_the_posterior_is_not_normal_draws_say_how_near():
+def test_where_the_posterior_is_not_normal_draws_decide():
     """All samples are put on the best pose: what is not normal is there then, however wide its covariance."""
     target, rng = prepare(read_part(PARTS / "wedge.step")), np.random.default_rng(2)
     start = rough([target], (0.01, 0.08))

@@ -1,4 +1,4 @@
-"""What a reading is expected to tell, against simulation."""
+"""Expected gain of a reading, against simulation."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER, met_by_beams, new_session, rough, sense, true_range
+from sensing_scenes import LASER, beam_hits, new_session, rough, sense, true_range
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.hand import Workspace
@@ -71,7 +71,7 @@ def test_pose_information_is_half_a_log_ratio_of_determinants(bracket):
     c = propose(begin(start), LASER, 40)
     samples = draw(begin(start), 1)
     got = expected_information(samples, predict(samples, c.origins, c.directions), LASER)
-    d, cosine, _, g = met_by_beams(bracket, start.Ts, c.origins, c.directions)
+    d, cosine, _, g = beam_hits(bracket, start.Ts, c.origins, c.directions)
     R, C = LASER.variance(d, cosine)[:, 0], start.covariances[0]
     for k in range(len(c)):
         after = np.linalg.inv(np.linalg.inv(C) + np.outer(g[k, 0], g[k, 0]) / R[k])
@@ -89,7 +89,7 @@ def test_samples_have_the_covariance_of_the_belief(bracket):
     np.testing.assert_allclose(total / np.outer(s, s), np.eye(6), atol=0.05)
 
 
-def test_errors_that_all_readings_share_count_in_what_is_told():
+def test_shared_errors_of_all_readings_reduce_the_gain():
     """A bias along the beam; the base's place in any direction, so more of it at a slanted surface."""
     own = Probe("laser", NoiseLaw.of(1e-4))
     off = replace(own, shared_sd=3e-4, base_sds=(1e-3, 0.0))
@@ -97,8 +97,9 @@ def test_errors_that_all_readings_share_count_in_what_is_told():
     np.testing.assert_allclose(off.variance(d, cosine) - own.variance(d, cosine), [9e-8 + 1e-6, 9e-8 + 4e-6])
 
 
-def test_what_readings_share_with_those_before_tells_less(bracket):
-    """Against determinants of pose and shared errors together; the same side again tells of noise alone."""
+def test_errors_shared_with_earlier_readings_reduce_the_gain(bracket):
+    """The reference is determinants of pose and shared errors together; the same side again informs about noise
+    alone."""
     start = at(bracket, (1e-3, 1e-2))
     session = Session(start, LASER, Sensing(sd=3e-4, bias_sd=2e-3), POLICIES["information"], Stop(None, least_gain=0.0))
     for _ in range(8):
@@ -112,7 +113,7 @@ def test_what_readings_share_with_those_before_tells_less(bracket):
     whole = np.linalg.inv(mode.information)[:7, :7]
     samples = replace(draw(state, 1), Ts=mode.T_peak[None], whole=whole[None, :6, :6], useful=whole[None, :6, :6])
     got = about_pose(samples, predict(samples, c.origins, c.directions, LASER, shared), LASER)
-    d, cosine, _, g = met_by_beams(bracket, mode.T_peak[None], c.origins, c.directions)
+    d, cosine, _, g = beam_hits(bracket, mode.T_peak[None], c.origins, c.directions)
     own, h = LASER.own_variance(d, cosine)[:, 0], np.concatenate([g[:, 0], np.full((len(c), 1), -2e-3)], axis=1)
     given = np.linalg.inv(mode.information[6:, 6:])[0, 0]
     for k in range(len(c)):
@@ -127,9 +128,9 @@ def test_the_ball_of_a_probe_stops_before_the_surface(bracket):
     start, ball = at(bracket, (2e-5, 2e-4)), replace(LASER, contact=True, radius=2e-3)
     c, samples = propose(begin(start), LASER, 40), draw(begin(start), 8)
     point, centre = (predict(samples, c.origins, c.directions, probe) for probe in (LASER, ball))
-    met = point.hit
-    np.testing.assert_allclose((point.ranges - centre.ranges)[met], (2e-3 / point.cosines)[met], rtol=1e-9)
-    assert np.isinf(centre.ranges[~met]).all()
+    hit = point.hit
+    np.testing.assert_allclose((point.ranges - centre.ranges)[hit], (2e-3 / point.cosines)[hit], rtol=1e-9)
+    assert np.isinf(centre.ranges[~hit]).all()
     for probe, words in ((replace(LASER, contact=True), "no larger than the clearance"), (LASER, "0 for a beam")):
         with pytest.raises(InputError, match=words):
             replace(probe, radius=2e-3 if probe is LASER else 2e-2)
@@ -163,19 +164,19 @@ def test_information_about_the_mode_against_simulation(bracket):
     start = Start((bracket,), np.zeros(2, dtype=int), T, C, np.array([0.7, 0.3]), Priors())
     c = propose(begin(start), LASER, 60)
     samples = draw(begin(start), 200)
-    told = about_mode(samples, predict(samples, c.origins, c.directions), LASER)
-    d, cosine, _, g = met_by_beams(bracket, T, c.origins, c.directions)
+    gain = about_mode(samples, predict(samples, c.origins, c.directions), LASER)
+    d, cosine, _, g = beam_hits(bracket, T, c.origins, c.directions)
     both = np.isfinite(d).all(axis=1)
     d, cosine, g = d[both], cosine[both], g[both]
-    told, p = told[both], predict(samples, c.origins[both], c.directions[both])
+    gain, p = gain[both], predict(samples, c.origins[both], c.directions[both])
     sd = np.sqrt(np.einsum("csi,sij,csj->cs", g, C, g) + LASER.variance(d, cosine))
     rng = np.random.default_rng(0)
     flat = np.flatnonzero((p.faces == p.faces[:, :1]).all(axis=1))  # away from edges the predictions are normal
     exact = np.array([simulated_information(d[k], sd[k], np.array([0.7, 0.3]), rng) for k in flat])
     assert len(flat) > 10
-    assert np.corrcoef(told[flat], exact)[0, 1] > 0.97
-    assert (told[flat] < exact + 0.03).all()  # a bound from below, but for the samples
-    assert exact[np.argmax(told[flat])] > exact.max() - 0.05  # what is chosen by it is as good as the best
+    assert np.corrcoef(gain[flat], exact)[0, 1] > 0.97
+    assert (gain[flat] < exact + 0.03).all()  # a bound from below, but for the samples
+    assert exact[np.argmax(gain[flat])] > exact.max() - 0.05  # its choice is nearly the best
 
 
 def simulated_information(means, sds, weights, rng, n=40000):
@@ -188,26 +189,26 @@ def simulated_information(means, sds, weights, rng, n=40000):
     return -np.sum(weights * np.log(weights)) - entropy
 
 
-def test_a_hit_or_a_miss_tells_two_parts_apart(bracket):
-    """One part is there, the other is far aside: a beam at the first tells all there is."""
+def test_a_hit_or_a_miss_distinguishes_two_parts(bracket):
+    """One part is there, the other is far away: a beam at the first decides everything."""
     T = np.stack([np.eye(4), SE3.exp(np.array([1.0, 0, 0, 0, 0, 0]))])
     C = np.tile(np.diag(np.repeat([1e-4, 1e-3], 3) ** 2), (2, 1, 1))
     start = Start((bracket,), np.zeros(2, dtype=int), T, C, np.ones(2), Priors())
     c = propose(begin(start), LASER, 60)
     samples = draw(begin(start), 64)
-    told = about_mode(samples, predict(samples, c.origins, c.directions), LASER)
+    gain = about_mode(samples, predict(samples, c.origins, c.directions), LASER)
     seen = predict(samples, c.origins, c.directions)
-    met = LASER.answers(seen.ranges, seen.cosines)
+    hit = LASER.answers(seen.ranges, seen.cosines)
     sure = np.all(
-        [met[:, samples.mode == m].all(axis=1) | ~met[:, samples.mode == m].any(axis=1) for m in (0, 1)], axis=0
+        [hit[:, samples.mode == m].all(axis=1) | ~hit[:, samples.mode == m].any(axis=1) for m in (0, 1)], axis=0
     )
     assert sure.sum() > 40  # the others may pass an edge
-    np.testing.assert_allclose(told[sure], np.log(2), atol=1e-3)
-    assert (told < np.log(2) + 1e-3).all()
+    np.testing.assert_allclose(gain[sure], np.log(2), atol=1e-3)
+    assert (gain < np.log(2) + 1e-3).all()
 
 
 def test_candidates_can_be_made(bracket):
-    """Inside the workspace, within the cone, clear of the part on the way, and they meet the face they are aimed at."""
+    """Inside the workspace, within the cone, clear of the part on the path, and with a hit on the planned face."""
     down = np.array([0.0, 0.0, -1.0])
     probe = replace(LASER, approach=down, cone=np.radians(40), workspace=Workspace.above(0.05), clearance=0.015)
     start = rough([bracket], (1e-3, 1e-2))
@@ -219,7 +220,7 @@ def test_candidates_can_be_made(bracket):
         local = SE3.apply(SE3.inverse(start.Ts[0]), c.origins - back * c.directions)
         assert (bracket.surface.closest(local).distances >= probe.clearance - 1e-4).all()
         assert not bracket.surface.inside(local).any()
-    ranges, cosines, faces, _ = met_by_beams(bracket, start.Ts, c.origins, c.directions)
+    ranges, cosines, faces, _ = beam_hits(bracket, start.Ts, c.origins, c.directions)
     np.testing.assert_allclose(ranges[:, 0], probe.standoff, rtol=1e-3)
     assert (faces[:, 0] == c.face).all()
     assert (cosines[:, 0] >= np.cos(probe.max_incidence)).all()
@@ -255,12 +256,12 @@ CONE = replace(LASER, beam_half_angle=np.radians(8), max_incidence=np.radians(75
 
 
 def random_rays(target, T, origin, direction, rng, n=3000):
-    """Which rays, drawn evenly from the spot of the cone, are answered, and their depths along its axis."""
+    """Return which random rays, uniform in the spot of the cone, are answered, and their axial depths."""
     slope, turn = np.tan(CONE.beam_half_angle) * np.sqrt(rng.uniform(size=n)), rng.uniform(0, 2 * np.pi, n)
     u, v = np.linalg.svd(direction[None])[2][1:]
     rays = direction + slope[:, None] * (np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v)
     long = np.sqrt(1 + slope**2)
-    d, cosine, _, _ = met_by_beams(target, T[None], np.tile(origin, (n, 1)), rays / long[:, None])
+    d, cosine, _, _ = beam_hits(target, T[None], np.tile(origin, (n, 1)), rays / long[:, None])
     return CONE.answers(d[:, 0], cosine[:, 0]), d[:, 0] / long
 
 

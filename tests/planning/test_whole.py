@@ -1,4 +1,4 @@
-"""Rims and walls of bores as candidates of a hand: what acquiring them would tell of the pose and of the part."""
+"""Rims and walls of bores as candidates of a hand: the gain about the pose and about the part."""
 
 from __future__ import annotations
 
@@ -54,29 +54,29 @@ def context_of(state, **more):
 
 
 @pytest.mark.parametrize("kind", WHOLE)
-def test_of_one_part_it_tells_the_ratio_of_determinants(plates, kind):
+def test_for_one_part_the_gain_is_the_ratio_of_determinants(plates, kind):
     T, C = SE3.exp(np.array([0.1, 0.2, 0.0, 0.3, 0.1, -0.2])), np.diag(np.repeat([2e-4, 1e-3], 3) ** 2)
     T_rim = T @ SE3.exp(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.4]))
-    told = whole_information([rim(kind, T=T_rim)], context_of(begin(at_pose(plates[0], T, C))))[0]
+    gain = whole_information([rim(kind, T=T_rim)], context_of(begin(at_pose(plates[0], T, C))))[0]
     G = SE3.adjoint_inverse(SE3.inverse(T) @ T_rim)[list(feature_kind(kind).rows)]
     after = np.linalg.inv(np.linalg.inv(C) + G.T @ (G / np.square(WHOLE[kind].sds)[:, None]))
     expected = 0.5 * (np.linalg.slogdet(C)[1] - np.linalg.slogdet(after)[1])
-    assert told == pytest.approx(0.95 * expected, rel=1e-6)
+    assert gain == pytest.approx(0.95 * expected, rel=1e-6)
 
 
 @pytest.mark.parametrize("other", [1, 2])
-def test_it_tells_which_of_two_parts_it_is(plates, other):
+def test_it_decides_between_two_parts(plates, other):
     """By its radius, or by whether there is one at all."""
     targets = [plates[0], plates[other]]
     state = begin(rough(targets, sd=(2e-4, 2e-3)))
-    told = whole_information([rim()], context_of(state, part_only=True))[0]
-    assert 0.5 * np.log(2) < told < 1.2 * np.log(2)
+    gain = whole_information([rim()], context_of(state, part_only=True))[0]
+    assert 0.5 * np.log(2) < gain < 1.2 * np.log(2)
 
 
-def test_of_what_both_parts_have_alike_it_tells_no_part(plates):
+def test_a_feature_of_both_parts_has_no_gain_about_the_part(plates):
     state = begin(rough([plates[0], plates[0]], sd=(2e-4, 2e-3)))
-    alike, open_ = (whole_information([rim()], context_of(state, part_only=yes))[0] for yes in (True, False))
-    assert alike < 0.05 * open_
+    part_only, open_ = (whole_information([rim()], context_of(state, part_only=yes))[0] for yes in (True, False))
+    assert part_only < 0.05 * open_
 
 
 def test_a_rim_that_is_too_far_off_is_none(plates):

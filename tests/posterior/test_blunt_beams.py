@@ -21,7 +21,7 @@ def slotted():
 
 
 def made(directions, half_angle, tolerance=0.0):
-    """Readings of 100 mm with a spread along of 2 mm, as touches."""
+    """Return readings of 100 mm with a standard deviation of 2 mm along the beam, as touches."""
     n = len(directions)
     readings = Readings.from_columns(np.zeros((n, 3)), directions=directions, ranges=np.full(n, 0.1))
     return as_contact_points(measure(readings, sd=SD, beam_half_angle=half_angle), tolerance)
@@ -46,7 +46,7 @@ def test_without_direction_or_beam_uncertainty_stays():
 
 @pytest.mark.parametrize("seed", [14, 22])
 def test_a_pose_that_thin_beams_just_miss_is_not_ruled_out(slotted, seed):
-    """As thin as they are, twelve beams of 3 mm along slots put the truth 9 and 19 standard deviations off."""
+    """Without a floor on their width, twelve beams of 3 mm along slots put the truth 9 and 19 sd off."""
     rng = np.random.default_rng((54, seed))
     T = box_centred_pose(rng)
     answer = identify_points(thin_beams(slotted, T, 12, rng), no_paths(), [slotted], top=100)

@@ -15,7 +15,7 @@ COUNT = 70
 
 
 def plate(length):
-    """A plate with a large and a small bore near one end, of which only the length differs [mm]."""
+    """Return a plate with a large and a small bore near one end; only its length varies [mm]."""
     body = manifold3d.Manifold.cube((length, 60, 16))
     for x, y, radius in ((25, 30, 12), (50, 15, 4)):
         body -= manifold3d.Manifold.cylinder(40, radius, radius, 32).translate((x, y, -10))
@@ -53,7 +53,7 @@ BOTH = [(25, 30, 12, 2.4, 8), (50, 15, 4, 0.3, 6), (25, 30, 12, 5.0, 4)]
 
 @pytest.mark.parametrize("walls", [LARGE, BOTH], ids=["one bore and a side", "two bores"])
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_plates_that_are_alike_where_sensed_are_all_named(plates, walls, seed):
+def test_plates_that_are_equal_where_sensed_are_all_named(plates, walls, seed):
     areas = {part.name: part.area for part in plates}
     points = sensed(walls, np.random.default_rng(seed))
     answer = identify_points(points, FreeRays.none(), plates, top=1000)

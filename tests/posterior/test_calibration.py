@@ -22,7 +22,7 @@ TARGET = 0.03
 @pytest.mark.parametrize(
     ("mode", "settings"),
     [("touches", {"unknown": 1e-9, "outlier_rate": 1e-6}), ("touches", {}), ("planes", {}), ("edges", {})],
-    ids=["parts of the catalogue", "touches, outliers and strangers", "planes", "edges"],
+    ids=["parts of the catalogue", "touches, outliers and unknown objects", "planes", "edges"],
 )
 def test_claimed_is_right_as_often_as_claimed(mode, settings):
     rows = campaign(mode, SCENES, seed=5, **settings)

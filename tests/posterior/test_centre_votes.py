@@ -18,7 +18,7 @@ SIDES = ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1))
 
 
 def box_faces(size):
-    """Normal, centroid and reach of the six faces of a box from the origin."""
+    """Return normal, centroid and reach of the six faces of a box from the origin."""
     rows = []
     for axis, sign in SIDES:
         n, c = np.eye(3)[axis] * sign, size / 2
@@ -28,14 +28,14 @@ def box_faces(size):
 
 
 def wall(start, end, radius, *, share=1.0, side=1, number=0, kind=3):
-    """A row of a hole: half its length beyond its ends."""
+    """Return a row of a hole with its wall: half of its length beyond its ends."""
     a, b = np.array(start, dtype=float), np.array(end, dtype=float)
     beyond = 0.5 * (b - a) if kind == 3 else 0.0
     return [*(a - beyond), *(b + beyond), radius, radius, share, side, number, kind]
 
 
 def block(rng, holes=None, *, crossing=True):
-    """A block with holes along z through it, and one along x: size, and the rows of its axes."""
+    """Return a block with holes along z through it, and one along x: size, and the rows of its axes."""
     size = rng.uniform([0.06, 0.05, 0.015], [0.12, 0.09, 0.03])
     count = holes or int(rng.integers(3, 7))
     rows = []
@@ -51,7 +51,7 @@ def block(rng, holes=None, *, crossing=True):
 
 
 class Every:
-    """Candidates of which nothing but tables and sizes is asked."""
+    """Candidates with tables and sizes only."""
 
     def __init__(self, columns, sizes):
         self.tables = [(0, tables_of(columns))]
@@ -122,10 +122,10 @@ def felt(points):
 
 def compared(points, every):
     """Nats of all parts, by centres and planes, and poses."""
-    centres, rows, hints = felt(points), np.arange(len(every)), {}
+    centres, rows, details = felt(points), np.arange(len(every)), {}
     costs = centre_votes.lacking(centres, every, rows)
-    centre_votes.on_axes(centres, every, rows, costs, hints)
-    return costs, hints
+    centre_votes.on_axes(centres, every, rows, costs, details)
+    return costs, details
 
 
 @pytest.fixture(scope="module")
@@ -149,9 +149,9 @@ def test_the_own_part_stays_in_and_most_drop_out(blocks, every, sized, face, ori
         row = int(rng.integers(len(blocks)))
         which = rng.permutation(len(blocks[row][1]))[: (5 if face is None else 3)]
         _, points = sensed(blocks[row], rng, which, sized=sized, oriented=oriented, face=face)
-        costs, hints = compared(points, every)
+        costs, details = compared(points, every)
         assert costs[row] < costs.min() + plane_votes.cost_margin(DEFAULTS), k
-        assert row in hints, k
+        assert row in details, k
         left.append(int(np.sum(costs < costs.min() + plane_votes.cost_margin(DEFAULTS))))
     assert np.median(left) <= (2 if sized else 8)
 
@@ -174,9 +174,9 @@ def test_poses_bring_centres_to_their_axes(blocks, every):
         rng = np.random.default_rng((5, k))
         row = int(rng.integers(len(blocks)))
         T, points = sensed(blocks[row], rng, rng.permutation(len(blocks[row][1]))[:4])
-        _, hints = compared(points, every)
+        _, details = compared(points, every)
         corners = np.array(np.meshgrid(*zip(np.zeros(3), blocks[row][0], strict=True))).reshape(3, -1).T
-        off = np.linalg.norm(SE3.apply(hints[row][:, None], corners) - SE3.apply(T, corners), axis=-1)
+        off = np.linalg.norm(SE3.apply(details[row][:, None], corners) - SE3.apply(T, corners), axis=-1)
         assert off.max(axis=1).min() < 1e-3, k
 
 
@@ -191,11 +191,11 @@ def test_a_centre_of_no_hole_costs_what_an_outlier_does(blocks, every, which):
         rng = np.random.default_rng((which, k))
         row = next(r for r in rng.permutation(len(blocks)) if len(blocks[r][1]) > 4)
         _, points = sensed(blocks[row], rng, range(4), sized=False)
-        costs, hints = compared(without(points, which, 0.2 * rng.normal(size=3)), every)
+        costs, details = compared(without(points, which, 0.2 * rng.normal(size=3)), every)
         most = felt(points).rows[which, 10]
         assert most - 0.1 < costs[row] < most + 10
         assert costs[row] < costs.min() + plane_votes.cost_margin(DEFAULTS)
-        assert row in hints
+        assert row in details
 
 
 def test_a_radius_that_no_hole_has_costs_an_outlier(blocks, every):
@@ -225,7 +225,7 @@ def test_a_boss_is_no_hole(blocks):
         assert np.max(compared(points, every)[0]) < 8
 
 
-def test_twins_are_told_by_the_hole_that_differs_only(blocks):
+def test_only_the_different_hole_distinguishes_twins(blocks):
     size, rows = blocks[0]
     twin = rows.copy()
     twin[0, [0, 3]] += 0.002
@@ -238,7 +238,7 @@ def test_twins_are_told_by_the_hole_that_differs_only(blocks):
     assert costs[1] > costs[0] + plane_votes.cost_margin(DEFAULTS)
 
 
-def test_one_hole_met_twice_lacks_nothing(blocks, every):
+def test_one_hole_sensed_twice_lacks_nothing(blocks, every):
     _, points = sensed(blocks[5], np.random.default_rng(7), [0, 0, 1, 2], heights=[0.3, 0.7, 0.5, 0.5])
     assert centre_votes.lacking(felt(points), every, np.array([5])) < 4
     costs, _ = compared(points, every)
@@ -283,14 +283,14 @@ def test_spheres_and_apexes_are_points(blocks):
     part = size, np.concatenate([rows, more])
     n = len(rows)
     _, points = sensed(part, np.random.default_rng(10), [0, 1, n, n + 1], face=None)
-    costs, hints = compared(points, every)
+    costs, details = compared(points, every)
     assert costs[0] < 8
     assert costs[1] > 20
-    assert 0 in hints
+    assert 0 in details
 
 
-def test_coaxial_holes_and_a_face_fix_no_pose_but_tell_lengths(blocks):
-    """The face across them says how far they may be; nothing says how they are turned."""
+def test_coaxial_holes_and_a_face_fix_lengths_but_no_pose(blocks):
+    """The face across them limits their depth; their rotation stays free."""
 
     def fork(gap):
         size = np.array([0.03, 0.03, gap + 0.02])
@@ -328,8 +328,8 @@ def test_holes_of_nearly_one_height_beside_a_face_are_found(blocks, every):
         row = int(rng.integers(len(blocks)))
         heights = 0.5 + rng.choice([0.0, 0.01, 0.1, 0.2], 2)
         _, points = sensed(blocks[row], rng, [0, 1], face=int(rng.integers(4)), heights=heights)
-        costs, hints = compared(points, every)
-        assert row in hints
+        costs, details = compared(points, every)
+        assert row in details
         assert costs[row] < 9
 
 
@@ -338,14 +338,14 @@ def test_compiled_nats_are_those_of_plain_numbers(blocks, every):
         rng = np.random.default_rng((12, k))
         row = int(rng.integers(len(blocks)))
         _, points = sensed(blocks[row], rng, range(3), oriented=True)
-        centres, hints, costs = felt(points), {}, np.zeros(1)
-        centre_votes.on_axes(centres, every, np.array([row]), costs, hints)
-        plain = [plainly(centres, blocks[row], T) for T in hints[row]]
+        centres, details, costs = felt(points), {}, np.zeros(1)
+        centre_votes.on_axes(centres, every, np.array([row]), costs, details)
+        plain = [plainly(centres, blocks[row], T) for T in details[row]]
         assert min(plain) == pytest.approx(costs[0], abs=1e-3)
 
 
 def plainly(centres, part, T):
-    """What centres and planes cost at a pose."""
+    """Return the cost of centres and planes at a pose, computed directly."""
     size, rows = part
     total, back = 0.0, SE3.inverse(T)
     for c in centres.rows:
@@ -408,7 +408,7 @@ def given(sensed_ones, every, **changed):
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "says"),
+    ("name", "value", "message"),
     [
         ("axes", np.zeros(5, dtype=np.float32), "15 numbers"),
         ("axes_start", np.arange(81) * 1000, "increasing"),
@@ -425,11 +425,11 @@ def given(sensed_ones, every, **changed):
         ("unseen", np.zeros(3), "unseen"),
     ],
 )
-def test_arrays_that_do_not_fit_are_refused(blocks, every, name, value, says):
+def test_arrays_that_do_not_fit_are_refused(blocks, every, name, value, message):
     _, points = sensed(blocks[0], np.random.default_rng(15), range(4))
     centres = felt(points)
     assert given(centres, every)[0].shape == (3, 3)
-    with pytest.raises(ValueError, match=says):
+    with pytest.raises(ValueError, match=message):
         given(centres, every, **{name: value})
 
 
@@ -450,7 +450,7 @@ def test_centres_are_taken_from_all_sides(blocks):
 
 
 def test_a_lonely_normal_makes_no_poses(blocks, every):
-    """It may be of a face that is no plane, which a table does not have."""
+    """It may lie on a face that is no plane, which a table does not have."""
     _, points = sensed(blocks[4], np.random.default_rng(17), [0, 1], face=None)
     normal = np.array([[0.6, 0.0, 0.8]])
     at = points.points[0] + 0.01 * normal[0]

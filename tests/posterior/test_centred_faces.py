@@ -25,7 +25,7 @@ SUNK = ((-30, -20), (35, 12)), ((-30, -20), (35, -12)), ((-30, -20), (22, 12))
 
 
 def bar(length, *radii):
-    """A foot with two balls on pins, 30 mm over its lower face."""
+    """Return a foot with two balls on pins, 30 mm over its lower face."""
     body = BRepPrimAPI_MakeBox(gp_Pnt(-15, -10, 0), gp_Pnt(length + 15, 10, 10)).Shape()
     for x, radius in zip((0, length), radii, strict=True):
         body = BRepAlgoAPI_Fuse(body, pin(x, 0, 5, 30, 4)).Shape()
@@ -34,7 +34,7 @@ def bar(length, *radii):
 
 
 def sunk(places):
-    """A plate with holes of 6 mm, countersunk to 14 mm from above: their apexes are 5 mm over its lower face."""
+    """Return a plate with holes of 6 mm, countersunk to 14 mm from above: their apexes are 5 mm over its lower face."""
     axes = [gp_Ax2(gp_Pnt(x, y, THICK - 4), gp_Dir(0, 0, 1)) for x, y in places]
     cones = [BRepPrimAPI_MakeCone(axis, 3, 7, 4).Shape() for axis in axes]
     return drilled((), None, [*cones, *(pin(x, y, -1, THICK + 1, 3) for x, y in places)])
@@ -60,7 +60,7 @@ def as_mesh(part, path):
 
 
 def face(corners, outward, rng):
-    """A plane that was touched at four places of the part [mm]."""
+    """Return a plane touched at four places of the part [mm]."""
     p = SE3.apply(T, 1e-3 * np.asarray(corners, dtype=float))
     covs = np.tile(SD**2 * np.eye(3), (len(p), 1, 1))
     return fit_plane(p + SD * rng.normal(size=p.shape), covs, outward=T[:3, :3] @ outward, label="face")[0]
@@ -86,7 +86,7 @@ def sinks(places, rng, **more):
 
 
 def nearest(hypothesis):
-    """How far the pose that is nearest of all that look alike is off [m]."""
+    """Return the error of the nearest of all symmetric poses [m]."""
     poses = np.concatenate([hypothesis.T_world_part[None], hypothesis.symmetry_poses])
     return np.linalg.norm((poses - T)[:, :3, 3], axis=1).min()
 
@@ -114,7 +114,7 @@ def test_two_countersinks_and_a_face_locate_a_plate(plates, tmp_path, k, of_mesh
     assert nearest(answer.hypotheses[0]) < 5e-5
 
 
-def test_a_fitted_cone_tells_its_axis_better_than_its_apex(plates):
+def test_a_fitted_cone_has_a_better_axis_than_apex(plates):
     """The apex is below the touches: to the sides it is known to 26 um, where it was touched to six."""
     rng, found = np.random.default_rng(3), []
     turn, z = np.arange(12) * np.pi / 6, np.array([8.5, 9.8, 11.2])[np.arange(12) % 3]

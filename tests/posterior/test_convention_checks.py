@@ -40,7 +40,7 @@ def touches(part, rng, radius=0.0, n=18):
     return points, normals @ T[:3, :3].T
 
 
-def asked(parts, points, **columns):
+def identified(parts, points, **columns):
     return tanteo.identify(tanteo.Readings.from_columns(points=points, sds=np.full(len(points), SD), **columns), parts)
 
 
@@ -49,7 +49,7 @@ def asked(parts, points, **columns):
 def test_a_forgotten_radius_is_named_with_its_size(blocks, name, aimed):
     part = next(one for one in blocks if one.name == name)
     points, normals = touches(part, np.random.default_rng(3), RADIUS)
-    answer = asked(blocks, points, **({"directions": -normals} if aimed else {}))
+    answer = identified(blocks, points, **({"directions": -normals} if aimed else {}))
     (found,) = (one for one in answer.findings if isinstance(one, OffsetQuestion))
     assert answer.status == "unknown"
     assert found.part == name
@@ -59,13 +59,13 @@ def test_a_forgotten_radius_is_named_with_its_size(blocks, name, aimed):
 def test_a_part_that_is_in_no_file_has_no_offset(blocks):
     for seed in range(6):
         points, _ = touches(blocks[0], np.random.default_rng(seed))
-        answer = asked(blocks[1:], points)
+        answer = identified(blocks[1:], points)
         assert not [one for one in answer.findings if isinstance(one, OffsetQuestion)]
 
 
 def test_right_readings_are_no_mistake(blocks):
     points, _ = touches(blocks[1], np.random.default_rng(5))
-    answer = asked(blocks, points)
+    answer = identified(blocks, points)
     assert answer.status == "recognized"
     assert not [one for one in answer.findings if isinstance(one, (OffsetQuestion, Convention))]
 
@@ -73,7 +73,7 @@ def test_right_readings_are_no_mistake(blocks):
 def test_elapsed_time_has_the_checks_in_it(blocks):
     points, _ = touches(blocks[0], np.random.default_rng(3), RADIUS)
     start = time.perf_counter()
-    answer = asked(blocks, points)
+    answer = identified(blocks, points)
     whole = time.perf_counter() - start
     assert answer.elapsed["conventions"] > 0
     assert answer.elapsed["total"] == pytest.approx(whole, abs=0.05 * whole + 0.02)

@@ -23,7 +23,7 @@ def flange():
 
 
 def test_touches_of_a_hundredth_of_a_millimetre_are_believed(flange):
-    """Of facets 36 micrometres deep, as the mesh has them, a quarter of such readings would be of no known part."""
+    """With facets 36 micrometres deep, as in the mesh, a quarter of such readings would fit no known part."""
     values = []
     for k in range(25):
         rng = np.random.default_rng((1, k))
@@ -39,19 +39,19 @@ def test_touches_of_a_hundredth_of_a_millimetre_are_believed(flange):
 
 
 def exact(target):
-    """The round faces behind its mesh."""
+    """Return the round faces that the mesh approximates."""
     return exact_faces(target.part, target.surface.normals)
 
 
 def distances(target, points):
-    """From the surface itself, not from the facets of its mesh."""
+    """Return distances from the surface itself, not from the facets of its mesh."""
     closest, off = target.surface.closest(points), np.zeros(len(points))
     exact(target).replace(np.array(points), closest.triangles, off, np.array(target.surface.normals[closest.triangles]))
     return np.where(exact(target).rows[closest.triangles] >= 0, off, closest.distances)
 
 
 @pytest.mark.slow
-def test_a_ball_tip_with_sensed_normals_places_it_like_it_says(flange):
+def test_a_ball_tip_with_sensed_normals_follows_its_covariance(flange):
     """A tip of 3 mm in bores of 7 mm: its centre and the normal are two readings, not one moved by the other."""
     values, r, sd, tilt = [], 3e-3, 1e-4, 0.05
     for k in range(25):

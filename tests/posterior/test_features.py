@@ -57,7 +57,7 @@ def test_every_example_is_recognised_among_all(models, seed):
             assert np.linalg.norm(gaps[:, :3], axis=1).min() < 8 * best.corner_sd
 
 
-def test_a_copy_under_another_name_is_said_to_fit_alike(models):
+def test_a_copy_under_another_name_fits_equally(models):
     part, rng = models["bracket_left"].part, np.random.default_rng(43)
     answer = identify_features(all_planes(part, random_pose(rng), rng), [part, replace(part, name="copy")])
     assert answer.status == "ambiguous"
@@ -76,7 +76,7 @@ def differing(part, other):
     return [p for p in felt if not same[p]], [p for p in felt if same[p]]
 
 
-def test_near_twins_are_told_apart_by_the_step_alone(models):
+def test_the_step_alone_distinguishes_near_twins(models):
     pair = [models["step_12mm"], models["step_15mm"]]
     for name, other in (("step_12mm", "step_15mm"), ("step_15mm", "step_12mm")):
         part, rng = models[name].part, np.random.default_rng(42)
@@ -130,7 +130,7 @@ def test_symmetry_is_reported_not_shared_out(models, name, order):
 
 
 def test_a_solid_of_revolution_may_spin(tmp_path):
-    """Two faces of a disc leave two slides; the turn about its own axis is nobody's business."""
+    """Two faces of a disc leave two slides; the rotation about its own axis does not matter."""
     n, r, h = 64, 30.0, 12.0
     angles = 2 * np.pi * np.arange(n) / n
     ring = np.column_stack([r * np.cos(angles), r * np.sin(angles)])
@@ -207,7 +207,7 @@ def test_planes_of_unknown_side(models):
         assert gap @ np.linalg.solve(best.covariance, gap) < 0.1**2
 
 
-def test_too_little_is_insufficient_and_says_what_is_free(models):
+def test_too_few_readings_are_insufficient_with_free_motions(models):
     part, rng = models["wedge"].part, np.random.default_rng(51)
     n = part.planes.normals
     pairs = [(i, j) for i in range(len(n)) for j in range(i) if abs(n[i] @ n[j]) < 0.01]
@@ -322,7 +322,7 @@ def test_unknown_prior_counts(models):
     np.testing.assert_allclose(odds, odds[0], rtol=1e-3)
 
 
-def test_more_noise_than_stated_is_told_and_widens_covariance(parts):
+def test_excess_noise_is_reported_and_widens_covariance(parts):
     rng = np.random.default_rng(12)
     part = parts["bracket_left"]
     features = all_planes(part, random_pose(rng), rng)

@@ -17,12 +17,12 @@ UNITS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "in": 0.0254}
 
 
 @pytest.mark.parametrize("meant", UNITS)
-@pytest.mark.parametrize("said", UNITS)
+@pytest.mark.parametrize("stated", UNITS)
 @pytest.mark.parametrize("size", [0.02, 0.2, 1.0])
-def test_the_right_unit_of_the_columns_is_among_the_guesses(meant, said, size):
-    """Beside a part whose file says its unit."""
-    question = about_units(Scale(0.6 * size * UNITS[said] / UNITS[meant], (size,), said, ""))
-    if meant == said:
+def test_the_right_unit_of_the_columns_is_among_the_guesses(meant, stated, size):
+    """Beside a part whose file states its unit."""
+    question = about_units(Scale(0.6 * size * UNITS[stated] / UNITS[meant], (size,), stated, ""))
+    if meant == stated:
         assert question is None
     else:
         assert question.kind == "units"
@@ -31,12 +31,12 @@ def test_the_right_unit_of_the_columns_is_among_the_guesses(meant, said, size):
 
 
 @pytest.mark.parametrize("meant", ["mm", "in"])
-@pytest.mark.parametrize("said", UNITS)
-def test_the_right_unit_of_the_parts_is_among_the_guesses(meant, said):
+@pytest.mark.parametrize("stated", UNITS)
+def test_the_right_unit_of_the_parts_is_among_the_guesses(meant, stated):
     """Beside readings whose columns might be wrong as well."""
-    question = about_units(Scale(0.12, (0.2 * UNITS[said] / UNITS[meant],), "mm", said))
+    question = about_units(Scale(0.12, (0.2 * UNITS[stated] / UNITS[meant],), "mm", stated))
     words = "" if question is None else question.message
-    assert (f"--units {meant}" in words) == (meant != said)
+    assert (f"--units {meant}" in words) == (meant != stated)
 
 
 def test_sizes_are_named():
@@ -45,11 +45,11 @@ def test_sizes_are_named():
 
 
 @pytest.mark.parametrize("span", [0.0, 0.05, 0.19, 0.23])
-def test_readings_that_fit_and_none_at_all_ask_nothing(span):
+def test_good_readings_and_none_at_all_raise_no_question(span):
     assert about_units(Scale(span, (0.2, 3.0), "mm", "mm")) is None
 
 
-def test_a_difference_that_no_unit_explains_asks_nothing():
+def test_a_difference_that_no_unit_explains_raises_no_question():
     assert about_units(Scale(0.2 * 150, (0.2,), "mm", "")) is None
 
 

@@ -1,4 +1,4 @@
-"""Paths on which nothing was met, exactly known or somewhere in a cone."""
+"""Paths without a hit, exactly known or somewhere in a cone."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -21,13 +21,13 @@ def block():
 
 
 def through(path, target, covariance=None, shared=None):
-    """How far before its end the part is surely in the way of a path."""
+    """Return how far before its end the part surely blocks a path."""
     covariance = np.zeros((6, 6)) if covariance is None else covariance
     return gone_through(path, np.eye(4), covariance, shared, target)[0]
 
 
 def from_above(target, inside, half_angle):
-    """A path down onto the top, so far inside of its border, free to well below it."""
+    """Return a path down onto the top, at a distance inside its border, free to well below it."""
     low, high = target.part.box
     origin = np.array([high[0] - inside, 0.5 * (low[1] + high[1]), high[2] + 0.1])
     slopes = np.array([0.5 * np.tan(half_angle)])
@@ -51,8 +51,8 @@ def test_a_ray_through_the_part_is_named_at_three_sds(block):
     """A path 2 mm inside of the border of the top, and how sure the place of that border is."""
     path = from_above(block, 2e-3, 0.0)
     for sd, surely in ((0.0, True), (0.6e-3, True), (0.75e-3, False)):
-        aside, along = (np.diag(np.r_[np.eye(3)[k], 0, 0, 0] * sd**2) for k in (0, 2))
-        assert (through(path, block, aside) > 0) == surely
+        sideways, along = (np.diag(np.r_[np.eye(3)[k], 0, 0, 0] * sd**2) for k in (0, 2))
+        assert (through(path, block, sideways) > 0) == surely
         assert through(path, block, along) == pytest.approx(0.02)  # how high the top is decides nothing
     assert through(from_above(block, -2e-3, 0.0), block) == 0
 
@@ -63,8 +63,8 @@ def test_a_cone_is_named_if_all_of_it_meets_the_part(block):
     assert through(from_above(block, rim - 1e-3, HALF), block) == 0
 
 
-def test_what_moves_ray_and_pose_alike_is_no_distance(block):
-    """A base off by 5 mm sd: where the part is said to be in the world is as vague, and the path goes with it."""
+def test_a_common_motion_of_ray_and_pose_is_no_distance(block):
+    """A base off by 5 mm sd: the pose of the part in the world is as uncertain, and the path moves with it."""
     base, vague = 5e-3 * np.eye(3)[None], np.diag([25e-6] * 3 + [0.0] * 3)
     path = replace(from_above(block, 2e-3, 0.0), shared_jacobian=base, turns=np.zeros((1, 3, 3)))
     follows = np.concatenate([np.eye(3) / 5e-3, np.zeros((3, 3))], axis=1)

@@ -21,7 +21,7 @@ def parts():
     return {name: read_part(PARTS / f"{name}.step") for name in ("bracket_left", "block")}
 
 
-def scene(parts, seed, n=14, around=6):
+def scene(parts, seed, n=14, on_furniture=6):
     """Touches of a bracket, and of a block beside it, with directions."""
     from tanteo.posterior import prepare
 
@@ -29,7 +29,7 @@ def scene(parts, seed, n=14, around=6):
     T, T_block = box_centred_pose(rng), box_centred_pose(rng)
     T_block[:3, 3] = SE3.apply(T, parts["bracket_left"].centroid) + np.array([0.16, 0.0, 0.0])
     rows = []
-    for name, pose, count in (("bracket_left", T, n), ("block", T_block, around)):
+    for name, pose, count in (("bracket_left", T, n), ("block", T_block, on_furniture)):
         p, normals = surface_points(prepare(parts[name]), count, rng)
         rows.append((SE3.apply(pose, p) + SD * rng.normal(size=p.shape), -normals @ pose[:3, :3].T))
     points, directions = (np.concatenate(some) for some in zip(*rows, strict=True))
@@ -38,7 +38,7 @@ def scene(parts, seed, n=14, around=6):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_readings_on_a_block_beside_it_are_said_to_be_on_it(parts, seed):
+def test_readings_on_an_adjacent_block_are_reported_there(parts, seed):
     T, T_block, readings = scene(parts, seed)
     block = Furniture.of_part(parts["block"], T_block, sd=SD, name="vise")
     answer = locate(readings, parts["bracket_left"], priors=Priors(furniture=(block,)))
@@ -51,7 +51,7 @@ def test_readings_on_a_block_beside_it_are_said_to_be_on_it(parts, seed):
 
 
 def test_readings_on_furniture_alone_are_too_little(parts):
-    _, T_block, readings = scene(parts, 1, n=0, around=8)
+    _, T_block, readings = scene(parts, 1, n=0, on_furniture=8)
     block = Furniture.of_part(parts["block"], T_block, sd=SD, name="vise")
     answer = locate(readings, parts["bracket_left"], priors=Priors(furniture=(block,)))
     assert answer.status == "insufficient"

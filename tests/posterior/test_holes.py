@@ -49,7 +49,7 @@ def test_two_holes_and_a_face_locate_a_plate(plate):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_twins_are_told_by_their_pattern(plate, twin, seed):
+def test_the_pattern_distinguishes_twins(plate, twin, seed):
     answer = identify(sensed(FIRST, seed=seed), [plate, twin])
     assert answer.status == "recognized"
     assert right(answer, plate)
@@ -79,7 +79,7 @@ def test_one_hole_and_a_face_leave_a_turn_free(plate):
 
 @pytest.mark.parametrize("side", ["hole", "boss"])
 def test_a_hole_is_never_taken_for_a_boss(plate, side):
-    """The hub is where a centre was sensed; whoever says that it is of a hole is not believed."""
+    """The hub is where a centre was sensed; a label that makes it a hole is rejected."""
     centres = np.concatenate([FIRST[[0, 1, 3]], [[1e-3 * HUB[0], 1e-3 * HUB[1], 0.02]]])
     sides = ["", "", "", side, *[""] * len(TOP)]
     best = locate(sensed(centres, material_sides=sides), plate).best
@@ -109,8 +109,8 @@ def test_an_axis_may_be_named_by_either_end(plate, sign):
     assert right(answer, plate)
 
 
-def test_a_pattern_that_looks_alike_is_ambiguous(folder):
-    """Holes at the corners of a rectangle, of a plate that looks alike from below but for a hub."""
+def test_a_symmetric_pattern_is_ambiguous(folder):
+    """Holes at the corners of a rectangle, of a plate that is equal from below except for a hub."""
     corners = [(x, y, 4) for x in (-40, 40) for y in (-25, 25)]
     part = as_part(drilled(corners, hub=(20, 0, 9)), folder / "even.step")
     assert locate(sensed(heights(corners)), part).status == "ambiguous"
@@ -147,7 +147,7 @@ def test_contacts_on_walls_share_a_round_face(plate):
 
 
 def test_places_remain_under_a_wrong_label(plate):
-    """Contacts of the upper face under the name of a wall contradict their label, and are of the part still."""
+    """Contacts of the upper face with the name of a wall contradict their label, but stay on the part."""
     readings = sensed(FIRST)
     kinds = ["cylinder" if kind == "plane" else kind for kind in readings.kinds]
     named = Readings.from_columns(
@@ -163,7 +163,7 @@ def test_places_remain_under_a_wrong_label(plate):
 
 
 def features(axes):
-    """The holes as circles and cylinders, and the face as points of one label."""
+    """Return the holes as circles and cylinders, and the face as points of one label."""
     out = []
     for k, (centre, kind) in enumerate(zip(FIRST, (CIRCLE, CIRCLE, CYLINDER, CYLINDER), strict=True)):
         axis = 2 if kind is CIRCLE else kind.axis

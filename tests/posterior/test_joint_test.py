@@ -61,7 +61,7 @@ def test_normals_that_are_worse_than_stated_are_what_contradicts(bracket):
 
 @pytest.mark.slow
 def test_a_prior_that_three_points_cannot_contradict_is_blamed(bracket):
-    """They fit exactly; that they do so some sd from where the part was said to be is no reading's fault."""
+    """They fit exactly; no reading is at fault that the fit is some sd from the prior pose."""
     rng = np.random.default_rng(4)
     T, C = box_centred_pose(rng), np.diag(np.repeat([5e-3, 0.05], 3) ** 2)
     p, _ = surface_points(bracket, 3, rng)
@@ -76,8 +76,8 @@ def test_a_prior_that_three_points_cannot_contradict_is_blamed(bracket):
     assert not any("the readings contradict it" in message for message in refused), refused
 
 
-def test_a_copy_in_another_frame_is_said_to_fit_alike(bracket, tmp_path):
-    """No face tells a part from its copy, wherever the origin of its file is."""
+def test_a_copy_in_another_frame_fits_equally(bracket, tmp_path):
+    """No face distinguishes a part from its copy, for any origin of its file."""
     mesh = trimesh.Trimesh(1e3 * bracket.part.vertices, bracket.part.triangles, process=False)
     mesh.apply_transform(trimesh.transformations.rotation_matrix(1, (0, 0, 1)))
     mesh.apply_translation((7, 3, 1))

@@ -1,4 +1,4 @@
-"""A part of which one face is elsewhere: its evidence against integrals, and what is said of parts that differ so."""
+"""A part with one displaced face: its evidence against integrals, and the message about such parts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def steps(parts):
 
 
 def read(steps, name, seed, n=30):
-    """Readings of a laser on a part at a random pose."""
+    """Return readings of a laser on a part at a random pose."""
     rng, target = np.random.default_rng(seed), steps[name]
     T = box_centred_pose(rng)
     return T, scene(target, T, LASER, n, rng, radius=target.part.radius)[0]
@@ -28,7 +28,7 @@ def read(steps, name, seed, n=30):
 def test_a_higher_step_than_the_known_part_s_is_named(steps):
     """Ten scenes, five of which have three readings or more off the known part: one is taken for it.
 
-    There a pose that leaves none of them aside, and scatters 1.7 times as much as stated, hides the right one.
+    There a pose that excludes none of them, and scatters 1.7 times as much as stated, hides the right one.
     """
     known = [steps["step_12mm"], steps["wedge"]]
     seen = taken = 0

@@ -51,7 +51,7 @@ def test_points_in_no_plane_are_outliers():
     assert len(facets) == 0
 
 
-def test_an_edge_and_a_corner_tell_more_than_points_anywhere():
+def test_an_edge_and_a_corner_inform_more_than_points_anywhere():
     rng = np.random.default_rng(3)
     line = np.outer(np.linspace(-0.04, 0.04, 4), [0.6, 0, 0.8]) + 1e-4 * rng.normal(size=(4, 3))
     along, facets = odds(labelled(line, sd=1e-4, kind="edge"))
@@ -61,15 +61,16 @@ def test_an_edge_and_a_corner_tell_more_than_points_anywhere():
 
 
 def test_a_shared_error_that_turns_with_hand_does_not_hide_plane():
-    """Points off by an error of ten times their noise are of a plane still, if the error is known to be shared."""
+    """Points off by a shared error of ten times their noise are on a plane still, if the error is known to be
+    shared."""
     rng = np.random.default_rng(4)
     R = any_rotations(rng, 8)
     p = np.column_stack([rng.uniform(-0.05, 0.05, (8, 2)), 1e-4 * rng.normal(size=8)])
     off, shared_jacobian = np.array([6e-4, -9e-4, 5e-4]), 1e-3 * R
     seen = labelled(p - R @ off, sd=1e-4)
-    told = labelled(p - R @ off, sd=1e-4)
-    object.__setattr__(told, "shared_jacobian", shared_jacobian)
-    assert odds(told)[0] > odds(seen)[0] + 20
+    labels_given = labelled(p - R @ off, sd=1e-4)
+    object.__setattr__(labels_given, "shared_jacobian", shared_jacobian)
+    assert odds(labels_given)[0] > odds(seen)[0] + 20
 
 
 def test_a_label_of_very_many_points_is_no_burden():
@@ -105,7 +106,7 @@ def test_directions_are_as_dense_as_the_mean_over_axes(case):
     assert log_right_angled(facets(n, tilt), share) == pytest.approx(np.log(mean), abs=0.6)
 
 
-def test_a_face_met_again_is_no_coincidence():
+def test_a_face_touched_again_is_no_coincidence():
     n = np.tile([0.0, 0, 1], (2, 1))
     level = facets(n, 1e-2, np.array([[0, 0, 0.02], [0.01, 0, 0.02]]))
     step = facets(n, 1e-2, np.array([[0, 0, 0.02], [0.01, 0, 0.03]]))

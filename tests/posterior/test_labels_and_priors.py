@@ -53,7 +53,7 @@ def squared(h, T):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_box_that_says_nothing_changes_nothing(parts, seed):
+def test_an_uninformative_box_changes_nothing(parts, seed):
     rng, part = np.random.default_rng(seed), parts["bracket_left"]
     T = random_pose(rng)
     readings, others = labelled(part, T, some_planes(part, rng), rng), [parts["bracket_left"], parts["bracket_right"]]
@@ -96,7 +96,7 @@ def test_the_log_probability_of_a_range_is_right_near_and_far():
 
 @pytest.mark.parametrize("scenes", [25, pytest.param(60, marks=pytest.mark.slow)])
 def test_pose_and_covariance_are_of_readings_and_prior(parts, scenes):
-    """Three planes that leave nothing free, a prior pose as good as they are: NEES over many scenes."""
+    """Three planes that leave no freedom, and a prior pose of equal accuracy: NEES over many scenes."""
     part, values, sizes = parts["bracket_left"], [], []
     fine = np.repeat([5e-5, 1e-3], 3)
     for k in range(scenes):
@@ -149,7 +149,7 @@ def test_a_prior_names_one_of_symmetric_poses(parts):
 
 
 def across(hypothesis, part):
-    """Standard deviation of the centroid along x [m]."""
+    """Return the standard deviation of the centroid along x [m]."""
     R, C = hypothesis.T_world_part[:3, :3], hypothesis.covariance
     J = (R @ np.hstack([np.eye(3), -SO3.hat(part.centroid)]))[0]
     return float(np.sqrt(J @ C @ J))
@@ -168,7 +168,7 @@ def test_a_pose_at_the_border_of_a_box_is_mean_of_what_is_inside(parts):
     assert across(best, part) < 0.8 * across(alone, part)
 
 
-def test_a_pose_that_a_box_contradicts_is_told_where_it_was_felt(parts):
+def test_a_pose_that_a_box_contradicts_keeps_its_readings(parts):
     """What the box leaves of its distribution are poses far from all readings, with the fit of another one."""
     part, rng = parts["bracket_left"], np.random.default_rng(11)
     readings = labelled(part, random_pose(rng), some_planes(part, rng), rng)
@@ -193,7 +193,7 @@ def test_a_table_at_another_height_is_named(parts):
     assert "block, but it is not at the prior pose" in answer.message
 
 
-def test_a_table_says_what_lies_on_it(parts):
+def test_a_table_decides_between_parts_on_it(parts):
     """Two labelled faces that stand on it leave the height free, which it fixes."""
     part, rng = parts["block"], np.random.default_rng(5)
     sides = [k for k in range(len(part.planes)) if abs(part.planes.normals[k][2]) < 0.1 and part.planes.areas[k] > 2e-3]

@@ -30,7 +30,7 @@ def square_on(target, rng, n=25):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_pose_made_by_a_large_offset_is_no_answer(seed):
-    """An offset along the hand's way looks like a part that is larger: poses 10 mm off leave few readings aside."""
+    """An offset along the hand's path resembles a larger part: poses 10 mm off exclude few readings."""
     target = prepare(read_part(PARTS / "bracket_left.step"))
     touches, T = square_on(target, np.random.default_rng((2026, seed)))
     answer = identify_points(touches, no_paths(), [target])

@@ -1,4 +1,4 @@
-"""More readings than tell anything: some of them are used, and it is said."""
+"""More readings than are useful: a subset is used, and the answer reports it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tanteo.sensors import Readings, thinned
 PART = Path(__file__).parents[2] / "examples" / "parts" / "bracket_left.step"
 
 
-def test_enough_of_many_readings_are_used_and_it_is_said():
+def test_a_subset_of_many_readings_is_used_and_reported():
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
     part, rng = tanteo.read_part(PART), np.random.default_rng(1)
     points = surface_points(prepare(part), 6000, rng)[0]

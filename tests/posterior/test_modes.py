@@ -1,4 +1,4 @@
-"""Samples beside a normal density: what they tell of a region, and that nothing is lost where they tell little."""
+"""Samples beside a normal density: their use for a region, and nothing is lost where they are uninformative."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tanteo.posterior.sampling.sampler import ControlVariate, Sampler
 
 
 def sample_prior(n, seed, bend=0.0, scale=1.0):
-    """Samples of a wide density, weighed for a normal one that is ``scale`` times as heavy, and bent."""
+    """Return samples of a wide density with weights for a normal density of weight ``scale``, and a bent one."""
     rng = np.random.default_rng(seed)
     x = 1.5 * rng.normal(size=(n, 6))
     gaps = np.sum(x * x, axis=1)
@@ -46,14 +46,14 @@ def test_a_region_of_another_mass_is_not_normal():
     assert sample_prior(200, 4, scale=3.0).mass == pytest.approx(3.0, rel=0.25)
 
 
-def test_effective_samples_tell_how_well_a_spread_is_known():
+def test_effective_samples_give_the_accuracy_of_a_spread():
     """Of plain samples of a normal density as many as there are."""
     x = np.random.default_rng(5).normal(size=(4000, 6))
     plain = ControlVariate(np.full(4000, 1 / 4000), np.zeros(4000), 0.0, np.sum(x * x, axis=1))
     assert plain.ess == pytest.approx(4000, rel=0.1)
 
 
-def test_what_is_told_of_few_samples_is_wider_and_never_flat():
+def test_few_samples_give_a_wider_and_never_flat_covariance():
     curved = np.diag([1e-6, 1e-6, 1e-6, 1e-4, 1e-4, 1e-4])
     assert np.trace(_covariance(curved, curved, 20, 0.05)) > 1.2 * np.trace(curved)
     assert np.trace(_covariance(curved, curved, 5000, 0.05)) == pytest.approx(np.trace(curved), rel=5e-3)

@@ -15,7 +15,7 @@ MOVED = 3
 
 
 def holes(k):
-    """Of plate ``k`` the second hole is elsewhere, or larger."""
+    """Return the holes of plate ``k``, whose second hole is displaced or larger."""
     x, y, radius = HOLES[1]
     return [HOLES[0], (x - MOVED * (k % 3), y + MOVED * (k // 3), radius), *HOLES[2:]]
 
@@ -65,7 +65,7 @@ def test_plates_whose_hole_was_not_sensed_are_all_named(plates, few):
     assert {one.part for one in answer.hypotheses} == {plate.name for plate in plates}
 
 
-def test_a_hole_that_no_plate_has_is_told(plates, few):
+def test_a_hole_that_no_plate_has_is_reported(plates, few):
     moved = heights(holes(0)) + np.array([[0, 0, 0], [4e-3, 4e-3, 0], [0, 0, 0], [0, 0, 0]])
     assert identify(sensed(moved), plates, conventions=False).status != "recognized"
 

@@ -1,4 +1,4 @@
-"""Which of many parts are searched: what was sensed of a part never leaves it out, and what is left out counts."""
+"""Pruning of many parts: the sensed part always stays, and the pruned probability counts."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ FAMILIES, MEMBERS = 8, 10
 
 
 def angle_part(a, b, width, depth, t, s):
-    """An angle: an L of two legs of different thickness, and its depth [mm]."""
+    """Return an angle: an L of two legs of different thickness, and its depth [mm]."""
     outline = np.array([(0, 0), (a, 0), (a, t), (s, t), (s, b), (0, b)], dtype=float)
     n = len(outline)
     vertices = np.concatenate([np.c_[outline, np.zeros(n)], np.c_[outline + np.array([width, 0]), np.full(n, depth)]])
@@ -128,7 +128,7 @@ def test_a_part_sensed_on_faces_along_one_line_is_searched(catalogue):
         assert 9 * k in chosen.rows, k
 
 
-def test_a_catalogue_and_a_list_of_its_parts_are_answered_alike(catalogue):
+def test_a_catalogue_and_its_list_of_parts_answer_equally(catalogue):
     points = sensed(catalogue[33], "points", np.random.default_rng(1))
     stored = identify_points(points, FreeRays.none(), catalogue)
     listed = identify_points(points, FreeRays.none(), list(catalogue))
@@ -166,21 +166,21 @@ def test_what_is_left_out_is_as_probable_as_it_may_be():
     assert candidate_pruning.Unsearched(100).log_evidence(10.0, 5.0) == pytest.approx(5.0 + np.log(100))
 
 
-def test_what_is_known_of_the_whole_is_looked_at_first(catalogue):
+def test_global_properties_are_evaluated_first(catalogue):
     every = candidates.Candidates(catalogue)
     points = sensed(catalogue[41], "points", np.random.default_rng(4))
     odds = np.where(np.arange(len(catalogue)) % 4 == 1, 3.0, -3.0)
     chosen = candidate_pruning.screen(question(points, every), every, odds)
     assert 41 in chosen.rows
     assert chosen.pruned_by_properties > 0
-    assert (odds[list(chosen.known)] > 0).all()  # the others are not looked at
+    assert (odds[list(chosen.known)] > 0).all()  # the others are not evaluated
     assert chosen.discount < -2
     everything = candidate_pruning.screen(question(points, every), every, odds, every=True)
     assert (everything.pruned_by_properties, 41 in everything.rows) == (0, True)
 
 
 def test_a_part_is_found_though_the_whole_object_misleads(catalogue):
-    """Sides of another part leave its own aside; as nothing else explains the readings, it is looked at after all."""
+    """Sides of another part prune the true one; as nothing else explains the readings, it is searched after all."""
     part = catalogue[41]
     sides = tuple(np.ptp(part.box, axis=0) + 0.02)
     priors = Priors(whole=WholeObject(sides=sides, side_sd=1e-4))
@@ -197,7 +197,7 @@ POSE = SE3.exp(np.array([0.1, -0.2, 0.3, 0.5, 1.0, -0.7]))
 
 
 def planes_at_a_pose(planes):
-    """All planes of a part as they would be sensed, and three of them that fix the pose."""
+    """Return all planes of a part as a sensor measures them, and three of them that fix the pose."""
     n = len(planes)
     rows = np.column_stack([
         planes.normals @ POSE[:3, :3].T, SE3.apply(POSE, planes.centroids), np.full(n, SD), np.full(n, 1e-3),
@@ -258,13 +258,13 @@ def test_the_nats_of_a_pose_are_those_of_its_planes(catalogue):
 
 
 def nats(rows, faces, T):
-    """Of planes at a pose: each on the face that costs it least, or on none."""
+    """Return the cost of planes at a pose [nat]: each on its least costly face, or on none."""
     into = SE3.inverse(T)
     p, n = SE3.apply(into, rows[:, 3:6]), rows[:, :3] @ into[:3, :3].T
     off = p[:, None] - faces[:, 3:6]
     h, c, tilt2 = np.sum(off * faces[:, :3], axis=2), n @ faces[:, :3].T, 1e-6 + 0.004**2
-    room = faces[:, 6] + 4 * SD
-    there = (np.sum(off**2, axis=2) - h**2 <= room**2) & (c >= np.cos(4 * np.sqrt(tilt2)))
+    reach = faces[:, 6] + 4 * SD
+    there = (np.sum(off**2, axis=2) - h**2 <= reach**2) & (c >= np.cos(4 * np.sqrt(tilt2)))
     return np.minimum(np.where(there, 0.5 * h**2 / SD**2 + (1 - c) / tilt2, np.inf).min(axis=1), 10.0).sum()
 
 
@@ -285,7 +285,7 @@ def test_a_point_of_a_bore_or_boss_fixes_what_two_planes_leave(sign):
     np.testing.assert_allclose(Ts[0, 0], T, atol=1e-5)
 
 
-def test_points_of_two_bores_tell_how_a_part_is_turned():
+def test_points_of_two_bores_determine_the_rotation():
     bores = np.array([[0.01, 0.03, 0.0, 0, 0, 1, 0.006, 0.01, -1], [0.05, 0.01, 0.0, 0, 0, 1, 0.008, 0.01, -1]])
     tables = {"planes": TWO_FACES[:1], "planes_start": [0, 1], "rounds": bores, "rounds_start": [0, 2]}
     ways = np.array([[0.6, 0.8, 0], [0, -1, 0]])
@@ -333,7 +333,7 @@ def test_degenerate_planes_end_in_nats_that_are_numbers(catalogue, what):
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "says"),
+    ("name", "value", "message"),
     [
         ("planes", np.zeros(5, dtype=np.float32), "7 numbers a row"),
         ("rounds", np.zeros(5, dtype=np.float32), "9 numbers a row"),
@@ -345,7 +345,7 @@ def test_degenerate_planes_end_in_nats_that_are_numbers(catalogue, what):
         ("sensed", np.full((3, 12), np.nan), "finite"),
     ],
 )
-def test_arrays_that_do_not_fit_are_refused(catalogue, name, value, says):
+def test_arrays_that_do_not_fit_are_refused(catalogue, name, value, message):
     ((_, table),) = candidates.Candidates(catalogue).tables
-    with pytest.raises(ValueError, match=says):
+    with pytest.raises(ValueError, match=message):
         on_planes(table, np.ones((3, 12)), (0, 1, 2), **{name: value})

@@ -1,4 +1,4 @@
-"""Readings of a small patch of a part: many a part has it twice, and that is said."""
+"""Readings of a small patch of a part: many a part has it twice, and the answer reports that."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def corner_patch(target, seed, radius=5e-3, n=24):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_patch_alone_is_no_place(block, seed):
-    """One corner of a block is like others: no single answer is given, whatever the search has found."""
+    """One corner of a block is like others: there is no single answer, for any result of the search."""
     touches, _ = corner_patch(block, seed)
     answer = identify_points(touches, no_paths(), [block])
     assert answer.status in ("ambiguous", "insufficient", "unknown")

@@ -1,4 +1,4 @@
-"""A peak on a plain: what readings near edges alone hold is as uncertain as the posterior says beyond the peak."""
+"""A peak on a plain: readings near edges alone constrain a pose as the posterior beyond the peak does."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def bar(tmp_path_factory):
     return prepare(read_part(path, unit="mm"))
 
 
-def around_its_side(bar, seed):
+def on_its_side(bar, seed):
     """25 touches of the side of a bar, none of its ends."""
     rng = np.random.default_rng((77, seed))
     T = box_centred_pose(rng)
@@ -35,7 +35,7 @@ def around_its_side(bar, seed):
 
 def test_the_same_in_another_frame(bar):
     """The plain leads along no axis of the coordinates."""
-    touches, turn = around_its_side(bar, 14), SO3.exp(np.array([0.4, -0.8, 0.5]))
+    touches, turn = on_its_side(bar, 14), SO3.exp(np.array([0.4, -0.8, 0.5]))
     first = identify_points(touches, no_paths(), [bar]).hypotheses[0]
     other = touches_of(touches.points @ turn.T + 0.3, SD)
     second = identify_points(other, no_paths(), [bar]).hypotheses[0]
@@ -49,8 +49,8 @@ def test_order_of_coarse_points_does_not_change_the_evidence(seed):
     rng = np.random.default_rng((5, seed))
     p, _ = surface_points(parts[0], 21, rng)
     points = SE3.apply(box_centred_pose(rng), p) + 3e-3 * rng.normal(size=p.shape)
-    said = []
+    stated = []
     for _ in range(4):
         answer = identify_points(touches_of(points[rng.permutation(21)], 3e-3), no_paths(), parts)
-        said.append([sum(h.probability for h in answer.hypotheses if h.part == t.part.name) for t in parts])
-    np.testing.assert_allclose(said, said[:1] * 4, atol=0.05)
+        stated.append([sum(h.probability for h in answer.hypotheses if h.part == t.part.name) for t in parts])
+    np.testing.assert_allclose(stated, stated[:1] * 4, atol=0.05)

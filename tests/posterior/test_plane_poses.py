@@ -59,7 +59,7 @@ def poses(touches, target):
 
 
 def nearest(target, T, Ts):
-    """How far the nearest of some poses, or of their symmetric images, puts the part's box from a pose [m]."""
+    """Return the box error of the nearest of some poses or of their symmetric images, from a pose [m]."""
     corners = target.part.box[[[0, 0, 0], [1, 1, 1]], [0, 1, 2]]
     images = (Ts[:, None] @ target.part.symmetry.Ts).reshape(-1, 4, 4)
     return np.linalg.norm(SE3.apply(images[:, None], corners) - SE3.apply(T, corners), axis=-1).max(axis=1).min()
@@ -84,13 +84,13 @@ def test_a_ball_is_beside_the_faces(models_of_faces):
     assert off > right
 
 
-def test_what_is_no_plane_says_nothing(models_of_faces):
+def test_points_off_any_plane_have_no_vote(models_of_faces):
     """Two points, points in a line, points of a ball, a label of an edge; and planes that leave a motion free."""
     target, rng = models_of_faces["block"], np.random.default_rng(3)
     line = np.linspace(0, 0.05, 5)[:, None] * np.array([1.0, 0, 0])
-    around = 0.02 * rng.normal(size=(8, 3))
-    around /= np.linalg.norm(around, axis=1, keepdims=True) / 0.02
-    for points, kind in ((line[:2], "point"), (line, "point"), (around, "point"), (rng.uniform(size=(4, 3)), "edge")):
+    offsets = 0.02 * rng.normal(size=(8, 3))
+    offsets /= np.linalg.norm(offsets, axis=1, keepdims=True) / 0.02
+    for points, kind in ((line[:2], "point"), (line, "point"), (offsets, "point"), (rng.uniform(size=(4, 3)), "edge")):
         touches = replace(touches_of(points, SD), labels=("a",) * len(points), kinds=(kind,) * len(points))
         assert len(planes_of(touches, target).rows) == 0
     opposite = np.flatnonzero(np.abs(target.part.planes.normals @ target.part.planes.normals[0]) > 0.99)[:2]
@@ -100,7 +100,7 @@ def test_what_is_no_plane_says_nothing(models_of_faces):
     assert len(poses(touches, target)) == 0
 
 
-def test_labels_tell_more_than_the_same_readings_without(models_of_faces):
+def test_labels_inform_more_than_unlabelled_readings(models_of_faces):
     """Four points on each of three faces, among five parts: the truth is at least as probable with labels."""
     parts = list(models_of_faces.values())
     right, claimed, truth, unknown = np.zeros((4, 2))
@@ -118,7 +118,7 @@ def test_labels_tell_more_than_the_same_readings_without(models_of_faces):
             claimed[k] += best.probability
     assert truth[0] > truth[1] - 0.5
     assert unknown[0] / 12 < 0.1
-    assert abs(claimed[0] - right[0]) < 3.5  # 12 scenes tell a share to 0.14, and twice that is allowed
+    assert abs(claimed[0] - right[0]) < 3.5  # 12 scenes give a share to 0.14, and twice that is allowed
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +142,7 @@ def test_a_mirrored_part_is_not_found_by_its_labels(parts):
 
 @pytest.mark.parametrize("name", ["bracket_left", "wedge", "hex_spacer"])
 def test_every_pose_puts_three_faces_where_the_planes_are(models_of_faces, name):
-    """Not their mirror image, and none of three faces that fix nothing: whatever the angles may be off by."""
+    """Not their mirror image, and none of three faces that fix nothing: for all errors of the angles."""
     target = models_of_faces[name]
     for seed in range(3):
         _, touches = scene(target, (12, seed), directed=True)

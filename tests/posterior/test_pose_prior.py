@@ -66,7 +66,7 @@ def test_a_prior_pose_decides_between_the_poses_of_a_corner(part):
 
 
 def test_two_touches_more_than_a_table_fix_nothing_else(part):
-    """On a table three directions are known; the covariance says so and no more."""
+    """On a table three directions are known; the covariance has exactly these."""
     rng = np.random.default_rng(3)
     low = part.box[0, 2]
     touches = touches_at(on_surface(part, 8, rng, [_top(part)]))

@@ -34,7 +34,7 @@ def opened(data):
     return _core.open_shape(np.frombuffer(data, dtype=np.uint8))
 
 
-def test_a_shape_that_was_opened_answers_alike():
+def test_an_opened_shape_answers_equally():
     part = flange()
     made, again = PreparedPart(part).shape, PreparedPart(flange()).shape
     assert entry_of(part).is_file()
@@ -51,7 +51,7 @@ def test_a_shape_that_was_opened_answers_alike():
     np.testing.assert_array_equal(made.samples, again.samples)
 
 
-def test_nothing_is_made_before_it_is_asked_for():
+def test_nothing_is_prepared_before_its_first_use():
     part = flange()
     assert prepared.prepare(part).spacing > 0
     assert not entry_of(part).exists()

@@ -37,7 +37,7 @@ def test_a_bias_of_forty_times_the_noise_is_found(bracket, k):
 
 
 def test_bias_is_no_outlier_where_few_readings_fix_the_pose(bracket):
-    """All at once it hardly bends seven readings; the last of them is off by tens of sds once the others are met."""
+    """At once it hardly bends seven readings; the last reading is off by tens of sds once the others are fitted."""
     C = np.diag(np.repeat([5e-3, np.radians(3)], 3)) ** 2
     for k in range(4):
         rng = np.random.default_rng((7, k))
@@ -59,7 +59,7 @@ def housing():
 
 @pytest.mark.parametrize("k", [7, 55])
 def test_a_sensor_that_is_mounted_roughly_hides_no_pose(housing, k):
-    """Pose proposals alone lead to maxima that leave six readings aside, or that lie 15 standard deviations off."""
+    """Pose proposals alone lead to maxima that exclude six readings, or that lie 15 standard deviations off."""
     rng = np.random.default_rng((90, k))
     T = box_centred_pose(rng)
     answer = identify_points(mounted(housing, T, 25, rng, off=3e-3, turned=0.03), FreeRays.none(), [housing])

@@ -18,7 +18,7 @@ TWO_WALLS = [
     [100.0, 18.6, 34.0], [61.6, 10.0, 13.0], [89.2, 62.7, 0.0], [63.8, 10.0, 26.9],
     [46.1, 0.0, 7.8], [2.0, 0.0, 6.8], [100.0, 61.2, 42.2], [39.2, 75.9, 30.0],
 ]  # fmt: skip
-"""Touches of the housing [mm], of which two alone tell where along x it is: they may be of either side of its wall."""
+"""Touches of the housing [mm], two of which fix x alone: they may be on either side of its wall."""
 
 
 @pytest.fixture(scope="module")

@@ -14,11 +14,11 @@ from tanteo.posterior.outliers import beta_binomial_tail, log_by_rate, outlier_r
 
 
 def log_density(log_hit, log_outlier, mean):
-    """Of all readings at each pose, the rate of outliers integrated out by the nodes of the engine."""
+    """Return the log density of all readings at each pose, integrated over the outlier rate by the engine's nodes."""
     return log_sum(log_by_rate(log_hit, log_outlier, *outlier_rates(mean, log_hit.shape[1])), axis=0)
 
 
-def belongs(hit, outlier, mean):
+def inlier_probability(hit, outlier, mean):
     """Probability that the last reading is on the surface: the derivative of the log density by that there."""
     step = np.zeros(len(hit))
     step[-1] = 1e-5
@@ -51,11 +51,11 @@ def test_is_the_integral_over_all_rates(n, astray):
     assert log_density(hit[None], outlier[None], 0.02)[0] == pytest.approx(expected, abs=0.05)
 
 
-def test_a_doubtful_reading_belongs_less_beside_outliers():
+def test_outliers_lower_the_inlier_probability_of_a_doubtful():
     clear, doubtful = np.array([12.0] * 10), np.array([0.0])
     gone = np.array([-40.0] * 3)
-    alone = belongs(np.concatenate([clear, doubtful]), np.zeros(11), 0.02)
-    among = belongs(np.concatenate([clear, gone, doubtful]), np.zeros(14), 0.02)
+    alone = inlier_probability(np.concatenate([clear, doubtful]), np.zeros(11), 0.02)
+    among = inlier_probability(np.concatenate([clear, gone, doubtful]), np.zeros(14), 0.02)
     stated = expit(np.log(0.98 / 0.02))
     assert among < 0.93 < stated < alone
 

@@ -76,7 +76,7 @@ def test_noise_as_large_as_the_set_is_not_called_a_line(targets, tolerance, word
     assert "line" not in answer.message
 
 
-def test_readings_along_a_line_are_said_to_be(targets):
+def test_collinear_readings_are_reported(targets):
     points = np.linspace(0, 0.1, 8)[:, None] * [1.0, 2.0, 2.0] + 1e-5 * np.random.default_rng(2).normal(size=(8, 3))
     answer = identify_points(touches_of(points, 1e-4), no_paths(), [targets["block"]])
     assert answer.status == "insufficient"
@@ -110,7 +110,7 @@ def test_one_plane_leaves_three_directions_unobserved(targets):
 
 
 def test_the_spin_of_a_cylinder_is_no_error(cylinder):
-    """Facets feign some knowledge of the spin; symmetry says that it does not matter."""
+    """Facets suggest some information about the spin; symmetry shows that it does not matter."""
     assert cylinder.part.symmetry.continuous
     T, touches, *_ = scene_of(cylinder, 2, 15)
     answer = identify_points(touches, no_paths(), [cylinder])
@@ -153,7 +153,7 @@ def test_readings_astray_are_named_with_their_distance(targets):
     assert named >= 0.95 * far
 
 
-def test_a_mirrored_part_is_told_apart(targets):
+def test_a_mirrored_part_is_distinguished(targets):
     target = targets["bracket_left"]
     mirrored = prepare(mirror_part(target.part))
     for made, other in ((target, mirrored), (mirrored, target)):
@@ -174,14 +174,14 @@ def test_a_part_given_twice_is_one_part(targets):
     assert twice.message.startswith("bracket_left is more than once among the parts")
 
 
-def test_more_scatter_than_stated_is_said_and_widens_covariance(targets):
+def test_excess_scatter_is_reported_and_widens_covariance(targets):
     target = targets["bracket_left"]
     T, touches, *_ = scene_of(target, 9, 40)
     optimist = altered(touches, covs=touches.covs / 1.7**2, sd=touches.sd / 1.7)
-    honest, widened = (identify_points(t, no_paths(), [target]) for t in (touches, optimist))
-    assert "scatter" not in honest.message
+    calibrated, widened = (identify_points(t, no_paths(), [target]) for t in (touches, optimist))
+    assert "scatter" not in calibrated.message
     assert "The covariance contains this factor." in widened.message
-    ratio = np.sqrt(np.trace(widened.hypotheses[0].covariance) / np.trace(honest.hypotheses[0].covariance))
+    ratio = np.sqrt(np.trace(widened.hypotheses[0].covariance) / np.trace(calibrated.hypotheses[0].covariance))
     assert 0.7 < ratio < 1.3
     assert nees(target.part, widened.hypotheses[0].T_world_part, widened.hypotheses[0].covariance, T)[0] < 25
 
@@ -208,7 +208,7 @@ def tip_scene(target, seed, n, sd, tip):
     return altered(touches, shared_jacobian=shared_jacobian, covs=covs, sd=np.full(n, sd)), shared
 
 
-def test_it_says_when_an_error_that_all_share_limits_the_answer(targets):
+def test_a_limiting_shared_error_is_reported(targets):
     target = targets["bracket_left"]
     touches, shared = tip_scene(target, 10, 40, 3e-4, 2e-3)
     assert "offset of the tip" in identify_points(touches, no_paths(), [target], shared=shared).message
@@ -291,7 +291,7 @@ def test_the_truth_is_inside_the_reported_modes(targets, name, sensing, seed):
         assert values[0][0] < 35
 
 
-def test_what_limits_the_place_of_a_round_part_is_said_too(cylinder):
+def test_the_limit_of_the_place_of_a_round_part_is_reported(cylinder):
     """Of its spin nothing is known at all."""
     T, touches, _, shared = scene_of(cylinder, 11, 40, base_sd=2e-3)
     answer = identify_points(touches, no_paths(), [cylinder], shared=shared)
@@ -310,5 +310,5 @@ def test_tolerance_does_not_count_twice_beside_a_shared_error(targets):
     alone, both = (identify_points(t, no_paths(), [target]).hypotheses[0] for t in (made, shared))
     own = both.covariance - np.diag(np.r_[np.full(3, base**2), np.zeros(3)])
     for C in (own, both.covariance_relative):
-        # samples tell the whole covariance to 4 %, of which the base is most; twice would be two thirds more
+        # samples give the whole covariance to 4 %, of which the base is most; twice would be two thirds more
         assert np.diag(C) == pytest.approx(np.diag(alone.covariance), rel=0.25)

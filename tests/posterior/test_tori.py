@@ -1,4 +1,4 @@
-"""Sensed tori: rings on plates that differ in a radius of the tube are discriminated, and located as Bayes says."""
+"""Sensed tori: rings on plates that differ in a radius of the tube are discriminated, and located by Bayes' rule."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def plates(tmp_path_factory):
 
 
 def sensed(rings, T, rng, *, convex=True, sizes=True):
-    """The tori of a plate as features, with their errors."""
+    """Return the tori of a plate as features, with their errors."""
     out = []
     for k, (x, y, radius, tube) in enumerate(rings):
         P = np.diag([SD**2] * 3 + [TILT**2] * 2)
@@ -67,7 +67,7 @@ def test_a_part_has_its_tori_as_landmarks(plates):
 
 
 @pytest.mark.parametrize("which", range(3))
-def test_the_radius_of_a_tube_tells_the_part(plates, which):
+def test_the_radius_of_a_tube_decides_the_part(plates, which):
     rng = np.random.default_rng(which)
     rings = (*RINGS[:2], (20, 45, 8, 2.5)) if which == 1 else RINGS
     T = random_pose(rng)

@@ -23,12 +23,12 @@ def test_the_places_of_a_ball_that_holds_all_readings(n, reach):
     points, radius = np.array([5.0, -7.0, 1.0]) + rng.uniform(-1, 1, (n, 3)) * reach, 0.55
     where = possible_centres(points, radius)
     sample_prior = points[0] + radius * rng.uniform(-1, 1, (40000, 3))
-    held = np.all(np.linalg.norm(sample_prior[:, None] - points, axis=2) < radius, axis=1)
-    assert where.volume == pytest.approx((2 * radius) ** 3 * held.mean(), rel=0.06)
+    inside = np.all(np.linalg.norm(sample_prior[:, None] - points, axis=2) < radius, axis=1)
+    assert where.volume == pytest.approx((2 * radius) ** 3 * inside.mean(), rel=0.06)
     assert (2 * np.pi * where.sd**2) ** 1.5 == pytest.approx(where.volume)
 
 
-def test_readings_that_need_more_room_have_it():
+def test_readings_of_a_larger_object_get_a_larger_box():
     """A larger unknown object: its ball is a fifth larger than that of its readings, wherever they are."""
     points = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, 0, 1]])
     where = possible_centres(points, 0.1)
@@ -39,7 +39,7 @@ def test_readings_that_need_more_room_have_it():
 @pytest.mark.parametrize("far", [0.2, 2.0, 50.0])
 @pytest.mark.parametrize("known", [False, True])
 def test_a_far_stray_does_not_make_none_of_these_more_probable(far, known):
-    """A metre or fifty: it is off the part, and of an unknown object it says as little."""
+    """A metre or fifty: it is off the part, and equally uninformative about an unknown object."""
     target, rng = prepare(read_part(EXAMPLES / "bracket_left.step")), np.random.default_rng(3)
     T = box_centred_pose(rng)
     p, _ = surface_points(target, 12, rng)

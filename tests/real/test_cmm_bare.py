@@ -35,7 +35,7 @@ def block():
 
 
 def bare_touches(placement, seed=0):
-    """All touches of a placement, without labels, in no order."""
+    """Return all touches of a placement, without labels, in random order."""
     numbers, points = rows_of("rob1_self_transform_092024.csv")
     points = points[np.isin(numbers, PLACEMENTS[placement])]
     points = np.random.default_rng(seed).permutation(points)
@@ -44,7 +44,7 @@ def bare_touches(placement, seed=0):
 
 
 def labelled_pose(placement):
-    """Where the block's own frame is, from the order of the dimples: rigid motion of ``tool_cloud`` onto the means."""
+    """Return the block's own frame from the order of the dimples: rigid motion of ``tool_cloud`` onto the means."""
     numbers, points = rows_of("rob1_self_transform_092024.csv")
     means = np.array([points[numbers == k].mean(axis=0) for k in PLACEMENTS[placement]])
     own = rows_of("tool_cloud.csv")[1]
@@ -71,7 +71,7 @@ def test_located_without_labels(located, placement):
 
 @pytest.mark.parametrize("placement", PLACEMENTS)
 def test_the_pose_is_that_of_the_labelled_dimples(block, located, placement):
-    """Up to the turn of 13 mrad between the drawing's frame and ``tool_cloud``'s, which both placements show alike."""
+    """Up to the rotation of 13 mrad between the drawing's frame and ``tool_cloud``'s, equal in both placements."""
     images = located[placement].hypotheses[0].T_world_part @ block.part.symmetry.Ts
     gaps = SE3.log(SE3.inverse(images) @ labelled_pose(placement))
     gap = gaps[np.argmin(np.linalg.norm(gaps[:, 3:], axis=1))]
@@ -106,7 +106,7 @@ def test_identified_among_all_real_parts(block):
 
 
 def holds(block, answer, truth):
-    """Whether some reported mode has the truth in its region, or within 1 mm and 20 mrad."""
+    """Return whether some reported mode has the truth in its region, or within 1 mm and 20 mrad."""
     for h in answer.hypotheses:
         moved, angle = off(block.part, h.T_world_part, truth)
         if nees(block.part, h.T_world_part, h.covariance, truth)[0] < 25 or (moved < 1e-3 and angle < 0.02):

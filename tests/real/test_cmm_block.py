@@ -112,7 +112,7 @@ def test_the_block_is_named_and_located(located, block, dimples):
     assert (answer.status, best.part) == ("recognized", block.name)
     assert best.probability > 0.99
     assert best.symmetry_order == 2
-    # The rest of the gap is the frame of the cloud: it is turned against the drawing, whatever fits the drawing.
+    # The rest of the gap is the frame of the cloud: it is rotated against the drawing, for any fit of the drawing.
     own = SE3.apply(T, dimples) - SE3.apply(known @ frame_of_the_cloud(block, dimples), dimples)
     print(f"dimples off by {1e3 * np.linalg.norm(gaps, axis=1).max():.2f} mm", end=", ")
     print(
@@ -122,7 +122,7 @@ def test_the_block_is_named_and_located(located, block, dimples):
     assert np.linalg.norm(own, axis=1).max() < 0.3e-3
 
 
-@pytest.mark.xfail(reason="the frame of the cloud is off by more than is told, which is of the drawing's own faces")
+@pytest.mark.xfail(reason="the frame of the cloud is off by more than the covariance of the drawing's own faces")
 def test_every_dimple_is_in_its_ellipsoid_of_95_percent(located, dimples):
     answer, T, _, gaps = located
     J = np.concatenate([np.broadcast_to(np.eye(3), (20, 3, 3)), -SO3.hat(dimples)], axis=-1)
@@ -141,13 +141,13 @@ def test_the_frame_of_the_cloud_is_turned_against_the_drawing(data, block, dimpl
     assert moved.max() > 0.3e-3
 
 
-def test_without_the_tolerance_the_scatter_is_said(data, parts, block):
+def test_without_the_tolerance_the_scatter_is_reported(data, parts, block):
     """The made block is off its drawing by more than the touches' noise: that is found, and the covariance widened."""
     noise, made = (identify(readings(touches(data, 0)), [block], sd=SD, tolerance=t) for t in (0.0, TOLERANCE))
     assert noise.best.part == made.best.part == block.name
     assert "times as much as stated" in noise.message
     assert made.best.noise_scale[0] < 1 < noise.best.noise_scale[1]
-    # what a face is off is one draw, not many: only the tolerance says so
+    # the offset of a face is one draw, not many: only the tolerance models it
     assert noise.best.corner_sd < made.best.corner_sd
 
 

@@ -1,4 +1,4 @@
-"""Fingertip touches of real and simulated objects, without correspondences: what the data allow, and what is said.
+"""Fingertip touches of real and simulated objects, without correspondences: limits of the data, and the answers.
 
 There is no truth of the poses; the published index is the mean distance of the points to the surface. The least that
 any pose reaches is in ``benchmarks/fingertips.py``.
@@ -22,7 +22,7 @@ SD = 5e-3
 
 
 def points_of(name):
-    """The points of a file: ``OFF``, a line of counts, then one point a line."""
+    """Return the points of a file: ``OFF``, a line of counts, then one point a line."""
     lines = [line.split("#")[0].split() for line in (FOLDER / "touches" / f"{name}.off").read_text().splitlines()]
     rows = [line[:3] for line in lines if line][2:]
     return np.array(rows, dtype=float)
@@ -54,7 +54,7 @@ def test_all_eleven_meshes_are_read_and_one_is_open(targets):
 def test_real_cylinder(targets):
     """Target 5.75 mm; least squares, which maximum likelihood is, cannot be under 5.87 and no pose under 5.45.
 
-    The posterior is flat there: from 5.87 to 6.01 mm maxima differ by less than 0.1 nats. What is told is its mean, a
+    The posterior is flat there: from 5.87 to 6.01 mm maxima differ by less than 0.1 nats. The answer is its mean, a
     tenth of a millimetre and more off the maximum.
     """
     points, answer = located(targets, "measCylinder_exp", "cylinder", SD)
@@ -77,13 +77,13 @@ def test_real_cylinder(targets):
 
 
 def _peak(target, T, points):
-    """The maximum that one pose leads to."""
+    """Return the maximum that a search from one pose reaches."""
     problem = Problem(touches_of(points, 1.6 * SD), no_paths(), Priors(noise_factor=1.0, radius=target.part.radius))
     return posterior_about(problem, target, T[None], np.random.default_rng(0)).modes[0].T_peak
 
 
 def _evidence_beside(target, T, points):
-    """By how much a pose found from many about this one is more probable than the maximum it leads to."""
+    """Return the log-evidence gain of a pose found from many starts over the maximum it leads to."""
     touches, priors = touches_of(points, 1.6 * SD), Priors(noise_factor=1.0, radius=target.part.radius)
     shaken = T @ SE3.exp(np.random.default_rng(0).normal(size=(300, 6)) * np.repeat([5e-3, 0.05], 3))
     problem = Problem(touches, no_paths(), priors)
@@ -157,7 +157,7 @@ def test_which_of_these(targets, name, part):
 
 
 @pytest.mark.slow
-def test_the_robot_set_belongs_to_another_mesh_and_not_accepted(targets):
+def test_the_robot_set_fits_another_mesh_and_is_rejected(targets):
     """Not at the pose of the file, not 113 mm lower, not anywhere: no pose has the points on the mesh within 1 mm."""
     points, answer = located(targets, "measRobot_sim", "robot", 1e-3)
     lower = np.eye(4)

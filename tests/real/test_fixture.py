@@ -33,7 +33,8 @@ def test_located_without_correspondences_and_without_a_guess(located, name):
 
 
 def test_two_people_agree_once_tip_is_error_that_touches_share(target, located):
-    """Plain least squares says 0.02; what the print is off its model is in neither, so the bound is a tenth of that."""
+    """Plain least squares gives 0.02; the print's error against its model is in neither, so the bound is a tenth of
+    that."""
     assert disagreement(target, located, True, one_draw=True) > 2e-3
     assert disagreement(target, located, True, one_draw=False) > 2e-3
 
@@ -67,10 +68,10 @@ def test_the_share_of_the_tip_in_the_worst_corner(target, name):
     best = identify_points(touches, FreeRays.none(), [target], shared=shared, priors=priors).hypotheses[0]
     total = corner_sd(target.part, best.covariance)
     without = corner_sd(target.part, best.covariance_relative)
-    assert 0.4 < np.sqrt(total**2 - without**2) / total < 0.9  # samples tell the novice's 0.58 to about 0.1
+    assert 0.4 < np.sqrt(total**2 - without**2) / total < 0.9  # samples give the novice's 0.58 to about 0.1
 
 
-def test_it_says_that_the_tip_and_not_the_touches_limits_expert(located):
+def test_the_tip_and_not_the_touches_limits_the_expert_set(located):
     """Of the expert's variance at the corner the tip is more than half; of the novice's, two fifths."""
     assert "Most of the uncertainty is offset of the tip" in located["expert", True].message
     assert "Part of the uncertainty is offset of the tip" in located["novice", True].message

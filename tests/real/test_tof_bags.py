@@ -22,7 +22,7 @@ REST, BETWEEN = 10.0, 0.1
 
 
 def recorded(readings, kind, folder):
-    """The wrist rests at each place while the sensor repeats its reading; its pose comes between the readings."""
+    """Write a bag: the wrist rests at each place while the sensor repeats its reading; poses come between."""
     recording, begin, before = Recording(kind), 0.0, None
     for k, T in enumerate(readings.Ts_world_hand):
         if before is None or not np.array_equal(T, before):
@@ -42,7 +42,7 @@ def test_a_bag_gives_the_same_answer(sensor, surface, kind, tmp_path):
     assert len(read) == len(direct)
     assert np.allclose(read.ranges, direct.ranges, rtol=1e-6)
     assert np.allclose(read.Ts_world_hand, direct.Ts_world_hand, atol=1e-6)
-    labelled = replace(read, features=direct.features, kinds=direct.kinds)  # of the surface a bag says nothing
+    labelled = replace(read, features=direct.features, kinds=direct.kinds)  # a bag has no information about the surface
     found, expected = calibrate(labelled), calibrate(direct)
     assert found.status == expected.status
     assert found.planes[0].rms == pytest.approx(expected.planes[0].rms, abs=1e-6)

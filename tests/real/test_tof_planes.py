@@ -13,7 +13,7 @@ pytestmark = [pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDE
 
 LARGEST_RMS = 1.9e-3
 ROBOT = "ur_ros_nominal_dh"
-"""The wrist is a UR5's; whether it had its factory calibration is not said."""
+"""The wrist is a UR5's; the documentation does not state whether it had its factory calibration."""
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def test_one_beam_for_all_runs_of_a_sensor(together, sensor):
 
 
 def test_runs_agree_on_the_beam(each, together):
-    """Each run's direction is that of all runs together, as well as it says itself, or nearly."""
+    """Each run's direction is that of all runs together, within its own stated error, or nearly."""
     for (sensor, _), found in each.items():
         beam, all_runs = found.beams[0], together[sensor].beams[0]
         aim = beam.T_hand_beam[:3, :3].T @ all_runs.T_hand_beam[:3, 2]
@@ -67,7 +67,7 @@ def test_saturated_readings_of_the_6180_are_found_and_named(each, together):
     assert not each["6180", "W2"].outliers
 
 
-def test_few_other_readings_are_set_aside(each):
+def test_few_other_readings_are_excluded(each):
     for (sensor, surface), found in each.items():
         if (sensor, surface) != ("6180", "W1"):
             assert len(found.outliers) <= 2

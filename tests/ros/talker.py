@@ -1,7 +1,7 @@
 """Another process on the network of the node: a sensor on a hand that rests before each reading, and a listener.
 
 ``talker.py PLAN.json``: ``static`` is the sensor on the hand, ``steps`` are pairs of the hand's pose and a range. It
-prints what the node said as one JSON document.
+prints the messages of the node as one JSON document.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Talker:
         self.until(lambda: False, 0.02)
         self.rest(T)
 
-    def asked(self, service: str) -> dict:
+    def reply(self, service: str) -> dict:
         client = self.node.create_client(Trigger, service)
         client.wait_for_service(WAIT)
         future = client.call_async(Trigger.Request())
@@ -74,7 +74,7 @@ def main(plan: dict) -> dict:
     static = io.transform(np.array(plan["static"]), "hand", "sensor", 0)
     talker.fixed.publish(filled("tf2_msgs/msg/TFMessage", static))
     heard = talker.until(lambda: talker.range.get_subscription_count() and talker.tf.get_subscription_count())
-    reset = talker.asked("/tanteo/reset")
+    reset = talker.reply("/tanteo/reset")
     for T, distance in plan["steps"]:
         talker.sense(np.array(T), distance)
     count = len(plan["steps"])
@@ -82,7 +82,7 @@ def main(plan: dict) -> dict:
     talker.until(lambda: False, 0.2)
     pose = talker.poses[-1] if talker.poses else None
     out = {
-        "heard": heard, "reset": reset, "enough": enough, "next": talker.asked("/tanteo/next"),
+        "heard": heard, "reset": reset, "enough": enough, "next": talker.reply("/tanteo/next"),
         "state": str(talker.states[-1]), "markers": len(talker.markers[-1].markers), "poses": len(talker.poses),
     }  # fmt: skip
     if pose is not None:

@@ -1,4 +1,4 @@
-"""The command of the node where there is no ROS, and what it refuses before it looks for it."""
+"""The command of the node without ROS, and the options that it refuses before it imports ROS."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import pytest
 from tanteo.cli import main
 
 
-def said(capsys, *words):
+def printed(capsys, *words):
     with pytest.raises(SystemExit) as end:
         main(["ros", "--parts", "parts", *words])
     return end.value.code, capsys.readouterr().err
 
 
 @pytest.mark.skipif(find_spec("rclpy") is not None, reason="ROS 2 is here")
-def test_without_ros_it_says_how_to_get_it(capsys):
-    code, err = said(capsys, "--sd", "0.3mm")
+def test_without_ros_it_explains_the_installation(capsys):
+    code, err = printed(capsys, "--sd", "0.3mm")
     assert code == 1
     assert "pip install 'tanteo[ros]'" in err
     assert "setup.bash" in err
@@ -32,7 +32,7 @@ def test_without_ros_it_says_how_to_get_it(capsys):
         (("--sd", "0.3mm", "--every", "soon"), "--every: expected a time from 0"),
     ],
 )
-def test_misuse_is_said_first(words, expected, capsys):
-    code, err = said(capsys, *words)
+def test_misuse_is_reported_first(words, expected, capsys):
+    code, err = printed(capsys, *words)
     assert code == 2
     assert expected in err

@@ -1,4 +1,4 @@
-"""Messages as they come: told when their frames are known, each once; what cannot be told is counted by why."""
+"""Messages in their order: used once when their frames are known; unusable ones are counted by reason."""
 
 from __future__ import annotations
 
@@ -64,9 +64,9 @@ def moving():
 
 def test_a_range_is_placed_at_its_stamp(moving):
     moving.take("/range", 100.6, reading(100.55, 0.2))
-    told = moving.ready(101.0)
+    finished = moving.ready(101.0)
     T = hand(100.55) @ T_HAND_SENSOR
-    assert np.allclose(told.points[0], T[:3, 3] + 0.2 * T[:3, 0], atol=1e-6)
+    assert np.allclose(finished.points[0], T[:3, 3] + 0.2 * T[:3, 0], atol=1e-6)
     assert moving.world == "base"
     assert moving.latest == pytest.approx(100.55)
     assert moving.ready(101.0) is None
@@ -120,8 +120,8 @@ def test_a_clock_set_back_begins_anew(moving):
     for t in np.arange(90.0, 90.5, 0.1):
         moving.take("/tf", t, frame(t, hand(t)))
     moving.take("/range", 90.3, reading(90.25, 0.2))
-    told = moving.ready(90.4)
-    assert np.allclose(told.directions[0], (hand(90.25) @ T_HAND_SENSOR)[:3, 0], atol=1e-6)
+    finished = moving.ready(90.4)
+    assert np.allclose(finished.directions[0], (hand(90.25) @ T_HAND_SENSOR)[:3, 0], atol=1e-6)
     assert any("A clock was set back" in note for note in moving.notes)
     assert dict(moving.drop_counts())["a clock was set back"] == 1
 
@@ -137,12 +137,12 @@ def test_a_frame_that_nothing_places_holds_up_no_other(moving):
 def test_touches_need_no_frames():
     intake = listening(("/touch", POINT))
     intake.take("/touch", 10.0, touch(10.0, (0.1, 0.2, 0.3)))
-    told = intake.ready(10.1)
-    assert np.allclose(told.points, [[0.1, 0.2, 0.3]])
+    finished = intake.ready(10.1)
+    assert np.allclose(finished.points, [[0.1, 0.2, 0.3]])
     assert intake.world == "base"
 
 
-def test_of_two_types_ranges_are_taken_and_said(moving):
+def test_ranges_are_preferred_to_another_type_and_reported(moving):
     moving.register("/touch", POINT)
     moving.take("/touch", 100.5, touch(100.5, (0.1, 0.2, 0.3)))
     moving.take("/range", 100.6, reading(100.55, 0.2))
@@ -163,9 +163,9 @@ def test_a_hand_s_pose_is_enough_for_a_rig():
         header = io.ros_header(ns(t), "base")
         intake.take("/hand", t, objects({"header": header, "pose": io.pose(hand(t))}))
     intake.take("/range", 100.3, reading(100.25, 0.2, "tof"))
-    told = intake.ready(100.5)
-    assert told.sensors == ("tof",)
-    assert np.allclose(told.Ts_world_hand[0], hand(100.25), atol=1e-6)
+    finished = intake.ready(100.5)
+    assert finished.sensors == ("tof",)
+    assert np.allclose(finished.Ts_world_hand[0], hand(100.25), atol=1e-6)
     assert any("--rig" in note for note in intake.notes)
 
 
@@ -176,7 +176,7 @@ def test_what_is_too_near_is_counted(moving):
     assert dict(moving.drop_counts()) == {"below the smallest range, or not a number": 2}
 
 
-def test_a_root_that_comes_late_is_said(moving):
+def test_a_late_root_is_reported(moving):
     moving.take("/range", 100.6, reading(100.55, 0.2))
     moving.ready(101.0)
     moving.take("/tf_static", 101.0, frame(0.0, np.eye(4), "map", "base"))
@@ -186,7 +186,7 @@ def test_a_root_that_comes_late_is_said(moving):
     assert any("'map' is now above the world frame 'base'" in note for note in moving.notes)
 
 
-def test_what_is_missing_is_said_once(moving):
+def test_missing_facts_are_reported_once(moving):
     for t in np.arange(100.0, 104.0, 0.3):
         moving.take("/range", t, reading(t, 0.2, "lost"))
         moving.ready(t)

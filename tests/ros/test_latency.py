@@ -1,4 +1,4 @@
-"""The delay of a moving sensor: its estimate has the spread that it says, and a sensor at rest tells none."""
+"""The delay of a moving sensor: its estimate has the stated spread, and a sensor at rest gives none."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def part(tmp_path_factory):
 
 
 def sensor_at(t, part):
-    """It swings about the part and looks at its middle."""
+    """Return the pose of a sensor that swings about the part and points at its middle."""
     turn = np.array([0.9 * np.sin(1.3 * t), 0.8 * np.sin(1.9 * t), 0.0])
-    look = SO3.exp(turn) @ np.array([0.0, 0.0, -1.0])
+    beam = SO3.exp(turn) @ np.array([0.0, 0.0, -1.0])
     wanders = 0.3 * part.radius * np.array([np.sin(2.9 * t), np.cos(2.3 * t), np.sin(1.7 * t)])
-    return SE3.from_parts(SO3.frame_from_axis(look, 0), SE3.apply(T_WORLD_PART, part.centroid) + wanders - 0.2 * look)
+    return SE3.from_parts(SO3.frame_from_axis(beam, 0), SE3.apply(T_WORLD_PART, part.centroid) + wanders - 0.2 * beam)
 
 
 def ranges_of(part, times):
@@ -49,13 +49,13 @@ def read(part, times, ranges, noise=0.0):
 
 
 def estimated(part, moments, ranges, noise=0.0):
-    """Where the stamps are taken to be the moments of the readings."""
+    """Return the estimate under the assumption that stamps are the moments of the readings."""
     shifted = [read(part, moments - shift, ranges, noise) for shift in (0.0, -STEP, STEP)]
     hypothesis = SimpleNamespace(T_world_part=T_WORLD_PART, outliers=())
     return estimate_latency(shifted, STEP, partial(measure, sd=SD), hypothesis, part)
 
 
-def test_the_delay_has_the_spread_that_is_said(part):
+def test_the_delay_follows_its_stated_spread(part):
     sensed, rng = np.arange(0.0, 5.0, 0.05), np.random.default_rng(7)
     true = ranges_of(part, sensed)
     sensed, true = sensed[true < 0.5], true[true < 0.5]
@@ -68,7 +68,7 @@ def test_the_delay_has_the_spread_that_is_said(part):
     assert low < np.sum(np.square(errors)) < high
 
 
-def test_the_words_say_what_to_do(part):
+def test_the_message_explains_what_to_do(part):
     sensed = np.arange(0.0, 5.0, 0.05)
     true = ranges_of(part, sensed)
     sensed, true = sensed[true < 0.5], true[true < 0.5]
@@ -79,13 +79,13 @@ def test_the_words_say_what_to_do(part):
     assert not right.contradicts
 
 
-def test_a_sensor_at_rest_tells_none(part):
+def test_a_sensor_at_rest_gives_no_delay(part):
     times, hit = np.full(40, 0.3), ranges_of(part, np.array([0.3]))[0]
     still = read(part, times, np.full(40, hit))
     hypothesis = SimpleNamespace(T_world_part=T_WORLD_PART, outliers=())
     assert estimate_latency([still] * 3, STEP, partial(measure, sd=SD), hypothesis, part) is None
 
 
-def test_few_readings_tell_none(part):
+def test_few_readings_give_no_delay(part):
     times = np.arange(0.0, 0.3, 0.05)
     assert estimated(part, times, ranges_of(part, times)) is None

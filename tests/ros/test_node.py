@@ -1,4 +1,4 @@
-"""The node and another process on the loopback: frames of a hand and ranges; poses, and what is asked next."""
+"""The node and another process on the loopback: frames of a hand and ranges; poses, and the next plan."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SD = 1e-4
 
 
 def python_of_ros() -> str | None:
-    """One that has rclpy: this one where ROS 2 is sourced, or that of ``make ros``."""
+    """Return a Python that has rclpy: this one if ROS 2 is sourced, or that of ``make ros``."""
     if find_spec("rclpy") is not None and find_spec("tf2_msgs") is not None:
         return sys.executable
     made = Path(sys.prefix) / "ros" / "bin" / "python"
@@ -45,7 +45,7 @@ def network(tmp_path):
 
 @pytest.fixture(scope="module")
 def plan():
-    """Beams that meet a part from about 6 cm, all around but from below."""
+    """Beams that hit a part from about 6 cm, on all sides except from below."""
     pytest.importorskip("OCP", reason="reading STEP needs tanteo[step]")
     part, rng = read_part(PARTS / "bracket_left.step"), np.random.default_rng(3)
     surface = Surface(part.vertices, part.triangles)
@@ -80,19 +80,19 @@ def test_two_processes_agree_where_the_part_is(network, plan, tmp_path):
         finally:
             node.send_signal(signal.SIGINT)
             out, err = node.communicate(timeout=20)
-    said, answer = json.loads(talker.stdout), json.loads(out)
-    assert said["heard"], err
-    assert said["enough"], said["state"]
-    assert said["frame"] == "base"
-    assert said["markers"] >= 3
-    frame = from_ros_covariance(pose_from_brand("ros", said["pose"]), np.array(said["covariance"]))
+    published, answer = json.loads(talker.stdout), json.loads(out)
+    assert published["heard"], err
+    assert published["enough"], published["state"]
+    assert published["frame"] == "base"
+    assert published["markers"] >= 3
+    frame = from_ros_covariance(pose_from_brand("ros", published["pose"]), np.array(published["covariance"]))
     xi = SE3.log(SE3.inverse(frame.T) @ T_WORLD_PART)
     assert xi @ np.linalg.solve(frame.C, xi) < 22.5  # 99.9 %
     assert answer["hypotheses"][0]["part"] == "bracket_left"
-    document = json.loads(said["next"]["message"])
+    document = json.loads(published["next"]["message"])
     assert document["schema"] == "tanteo.next/1"
-    assert said["next"]["success"] == (document["status"] == "ask")
-    assert said["reset"]["success"]
+    assert published["next"]["success"] == (document["status"] == "ask")
+    assert published["reset"]["success"]
     assert node.returncode in (0, 3)
     assert "/range" in err
     assert "Traceback" not in err

@@ -140,7 +140,7 @@ def test_measure_assumes_what_emit_draws():
 
 
 @pytest.mark.parametrize("preset", RANGING, ids=name)
-def test_a_cone_on_a_flat_surface_spreads_as_the_model_says(preset):
+def test_a_cone_on_a_flat_surface_has_the_spread_of_the_model(preset):
     """Straight on not at all, however wide; at 10 degrees by half the half angle times the tangent."""
     rng, n = np.random.default_rng(10), 20_000
     model = error_model(preset)
@@ -220,7 +220,7 @@ def test_what_is_reported_is_never_outside_the_limits():
     assert {Status.OK, Status.NEAR, Status.NONE} <= set(status.ravel())
 
 
-def test_the_same_seed_says_same_and_statuses_do_not_shift_draws():
+def test_a_seed_repeats_and_statuses_do_not_shift_draws():
     model = error_model([sensor_preset("vl53l4cd"), sensor_preset("hc_sr04")])
     runs = []
     for first in (0.3, np.inf):

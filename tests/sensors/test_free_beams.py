@@ -18,7 +18,7 @@ FREE = np.arange(N) % 2 == 1
 
 
 def eye(T_hand_unit=T_UNIT, **changes):
-    """A zone of a sensor, which looks past the axis of its device."""
+    """Return a zone of a sensor whose beam is off the axis of its device."""
     values = {
         "preset": None, "sd": 1e-3, "beam_half_angle": 0.05, "max_range": 1.0, "bias_sd": 1e-3, "scale_sd": 0.01,
         "cov_mount": MOUNT, "unit": "head", "T_hand_unit": T_hand_unit, "T_hand_sensor": T_hand_unit @ T_ZONE,
@@ -44,7 +44,7 @@ def touched(Ts, free=FREE):
 
 
 def differences(measured_with, d):
-    """How origins and directions of free-space rays move, a column an error."""
+    """Return how origins and directions of free-space rays change, one column for each error."""
     beams = [[measured_with(way * STEP * e).free for way in (1, -1)] for e in np.eye(d)]
     return (
         np.stack([(getattr(a, name) - getattr(b, name)) / (2 * STEP) for a, b in beams], axis=-1)
@@ -77,7 +77,7 @@ def test_the_base_moves_free_beams_as_hands_do_that_are_there(readings):
     np.testing.assert_allclose(m.free.turns[0], directions, atol=1e-8)
 
 
-def test_the_tip_moves_the_ways_of_touches_aside_and_not_round():
+def test_the_tip_shifts_the_paths_of_touches_without_rotation():
     m = measure(touched(hands()), tip_sd=[1e-3, 1e-3, 1e-4])
     np.testing.assert_allclose(m.free.jacobians[0], hands()[FREE, :3, :3])
     assert not m.free.turns[0].any()
@@ -98,14 +98,14 @@ def test_bias_and_scale_do_not_move_free_beams():
         assert not turns.any()
 
 
-def test_a_sensor_that_met_nothing_yet_has_its_mounting():
+def test_a_sensor_without_hits_keeps_its_mounting():
     m = measure(ranged(hands(), np.full(N, True)), rig=Rig((eye(),)))
     assert [error.name for error in m.shared] == ["mounting of head"]
     assert as_contact_points(m).shared_jacobian.shape == (0, 3, 6)
     assert as_free_rays(m, 0.0).shared_jacobian.shape == (N, 3, 6)
 
 
-def test_rays_and_points_move_alike_with_whitened_errors():
+def test_rays_and_points_move_equally_with_whitened_errors():
     Ts = np.repeat(hands()[::2], 2, axis=0)
     m = measure(touched(Ts), robot="ur_ros_nominal_dh", tip_sd=[1e-3, 0.0, 1e-4])
     touches, free, z = as_contact_points(m), as_free_rays(m, 0.0), np.random.default_rng(1).normal(size=9)

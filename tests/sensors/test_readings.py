@@ -113,7 +113,7 @@ def test_no_readings_are_allowed_as_a_value():
     assert len(Readings.from_columns(np.zeros((0, 3)))) == 0
 
 
-def test_presets_are_complete_and_say_where_they_come_from():
+def test_presets_are_complete_and_name_their_source():
     assert len(sensor_presets()) == 22
     assert len(robot_presets()) == 5
     for preset in (*sensor_presets().values(), *robot_presets().values()):

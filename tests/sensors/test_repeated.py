@@ -18,7 +18,7 @@ POINTS = np.arange(12.0).reshape(4, 3) / 100
 WORDS = "are equal in place, direction and standard deviation, and each counts"
 
 
-def said(points=POINTS, ids="abcd", **columns):
+def warnings_of(points=POINTS, ids="abcd", **columns):
     found = find_repeated(measure(Readings.from_columns(points, ids=list(ids), **columns), sd=1e-3))
     return "" if found is None else found.message
 
@@ -38,8 +38,10 @@ def test_both_sorts_of_answers_name_them(name):
 
 @pytest.mark.parametrize("shift", [0.0, 1e-12])
 def test_equal_ones_are_found_and_named_once(shift):
-    assert said() == ""
-    assert said(np.concatenate([POINTS, POINTS[1:2] + shift, POINTS[1:2]]), "abcdef").startswith("Readings b, e and f ")
+    assert warnings_of() == ""
+    assert warnings_of(np.concatenate([POINTS, POINTS[1:2] + shift, POINTS[1:2]]), "abcdef").startswith(
+        "Readings b, e and f "
+    )
 
 
 @pytest.mark.parametrize(
@@ -54,16 +56,18 @@ def test_equal_ones_are_found_and_named_once(shift):
 )
 def test_what_differs_in_anything_is_another_reading(columns):
     same = np.repeat(POINTS[:2], 2, axis=0)
-    assert said(same).startswith("Readings a and b; c and d ")
-    assert said(same, **columns) == ""
-    assert said(same + 1e-6 * np.arange(4)[:, None]) == ""
+    assert warnings_of(same).startswith("Readings a and b; c and d ")
+    assert warnings_of(same, **columns) == ""
+    assert warnings_of(same + 1e-6 * np.arange(4)[:, None]) == ""
 
 
 def test_many_are_counted():
     points = np.repeat(np.arange(18.0).reshape(6, 3) / 100, 2, axis=0)
-    assert said(points, "abcdefghijkl").startswith("Readings a and b; c and d; e and f (and 3 more such sets) are")
+    assert warnings_of(points, "abcdefghijkl").startswith(
+        "Readings a and b; c and d; e and f (and 3 more such sets) are"
+    )
 
 
-def test_beams_that_met_nothing_are_no_readings_of_a_place():
+def test_beams_without_hits_are_no_readings_of_a_place():
     free = Readings.from_columns(POINTS, directions=POINTS + 1, max_ranges=np.ones(4), is_free=np.ones(4, dtype=bool))
     assert find_repeated(measure(free)) is None

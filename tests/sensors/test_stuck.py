@@ -1,4 +1,4 @@
-"""A sensor that says the same everywhere is asked about; one that says the same of one place, or by chance, is not."""
+"""A sensor with one range everywhere raises a question; equal ranges of one place, or by chance, do not."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def ranges(values, *, sensors=None, places=None):
 
 @pytest.mark.parametrize(("value", "other", "least"), [(0.10342, 0.2, 4), (0.1, 0.20013, 4), (0.1, 0.2, 7)])
 def test_so_many_equal_ranges_are_no_chance(value, other, least):
-    """Fewer where the device shows elsewhere that it tells ranges finely."""
+    """The number is lower if the device shows a fine resolution elsewhere."""
     other = [other, other + 0.01]
     assert find_stuck(ranges([*other, *[value] * (least - 1), *other])) is None
     words = find_stuck(ranges([*other, *[value] * least, *other])).message
@@ -29,6 +29,6 @@ def test_repeats_with_other_sensors_between_are_no_run():
     assert find_stuck(ranges([0.10342, 0.3] * 5)) is None
 
 
-def test_what_has_no_range_is_not_asked_about():
+def test_readings_without_a_range_raise_no_question():
     assert find_stuck(Readings.from_columns(np.zeros((9, 3)))) is None
     assert find_stuck(ranges([0.1] * 0)) is None

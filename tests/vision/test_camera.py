@@ -1,4 +1,4 @@
-"""The camera: projection and rays are inverse, derivatives are derivatives, OpenCV says the same."""
+"""The camera: projection and rays are inverse, derivatives are derivatives, OpenCV agrees."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ def test_the_derivative_is_one(camera, points):
         assert D[..., k] == pytest.approx(difference, rel=1e-5, abs=1e-3)
 
 
-def test_what_is_behind_has_no_pixel(camera):
-    behind = np.array([[0.1, 0.0, -1.0], [0.0, 0.1, 0.0], [0.0, 0.0, 1.0]])
-    seen = project(camera, behind)
+def test_a_point_in_the_back_has_no_pixel(camera):
+    beyond = np.array([[0.1, 0.0, -1.0], [0.0, 0.1, 0.0], [0.0, 0.0, 1.0]])
+    seen = project(camera, beyond)
     assert np.isnan(seen[:2]).all()
     assert seen[2] == pytest.approx(camera.centre)
 
@@ -66,7 +66,7 @@ def test_points_of_a_plane_are_found_again(camera):
     assert on_plane(camera, pixels, T) == pytest.approx(flat, abs=1e-9)
 
 
-def test_a_ray_that_leaves_the_plane_behind_has_no_point():
+def test_a_ray_away_from_the_plane_has_no_point():
     camera = Camera(K, (640, 480))
     level = SE3.from_parts(SO3.exp(np.array([np.pi / 2, 0.0, 0.0])), np.array([0.0, 0.3, 0.0]))
     found = on_plane(camera, np.array([[317.0, 400.0], [317.0, 243.0], [317.0, 10.0]]), level)

@@ -71,7 +71,7 @@ def test_the_derivatives_are_derivatives():
 
 
 @pytest.mark.parametrize("bias", [0.0, 0.2])
-def test_the_covariance_is_honest(bias):
+def test_the_covariance_is_calibrated(bias):
     rng, runs = np.random.default_rng(4), 500
     outline = dense(L_SHAPE)
     normals, sds = normals_of(outline), rng.uniform(0.05, 0.3, len(outline))
@@ -88,10 +88,10 @@ def test_the_covariance_is_honest(bias):
     C = stated.covariance[np.ix_(used, used)]
     scale = np.sqrt(np.diag(C))
     values, vectors = np.linalg.eigh(C / np.outer(scale, scale))
-    keep = values > 1e-6  # some of them are nearly functions of the others
+    keep = values > 1e-6  # some descriptors are nearly functions of the others
     z = (np.array(errors) / scale) @ vectors[:, keep] / np.sqrt(values[keep])
     nees = np.sum(z**2, axis=1)
-    # second-order terms are of the size of the error over that of the shape
+    # second-order terms have the size of the error over that of the shape
     low, high = chi2.ppf([0.001, 0.999], keep.sum() * runs) / runs
     assert 0.97 * low < nees.mean() < 1.03 * high
 

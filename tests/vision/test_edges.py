@@ -13,7 +13,7 @@ from tanteo.vision.edges import image_noise
 
 
 def step_image(angle, offset, rng=None, noise=0.0, contrast=80.0, blur=0.8, size=96):
-    """A straight step at ``normal (p - middle) = offset``, blurred and integrated over pixels."""
+    """Return an image of a straight step at ``normal (p - middle) = offset``, blurred and integrated over pixels."""
     fine = 4
     at = (np.arange(size * fine) + 0.5) / fine - 0.5
     x, y = np.meshgrid(at, at)
@@ -77,7 +77,7 @@ def test_an_edge_drifts_where_a_neighbour_pulls_it(gap):
             assert drifts.max() < 0.02
 
 
-def test_the_mean_along_an_edge_errs_as_correlation_length_says():
+def test_the_mean_along_an_edge_has_its_correlated_error():
     rng, noise, z = np.random.default_rng(6), 4.0, []
     for _ in range(150):
         angle, offset = rng.uniform(0, np.pi), rng.uniform(-0.5, 0.5)
@@ -113,7 +113,7 @@ def test_what_is_no_grey_image_is_refused():
             find_edges(image)
 
 
-def test_the_map_knows_the_nearest_edge_of_a_direction():
+def test_the_map_has_the_nearest_edge_of_a_direction():
     image = np.full((120, 120), 60.0)
     image[30:90, 40:100] = 180.0
     edges = find_edges(cv2.GaussianBlur(image, (0, 0), 0.8))

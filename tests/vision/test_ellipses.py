@@ -49,7 +49,7 @@ def arc(ellipse, degrees, rng=None, sd=0.1, count=60):
 
 
 def disc(shape, centre, semi_axes, blur, rng=None):
-    """An image of a dark ellipse without error, blurred."""
+    """Return an image of a dark ellipse without error, blurred."""
     import cv2
 
     y, x = (np.mgrid[: 8 * shape[0], : 8 * shape[1]] + 0.5) / 8 - 0.5
@@ -97,7 +97,7 @@ def test_one_of_two_circles_is_the_true_one():
     axes = [pose.T_camera_circle[:3, 2] @ T_CAMERA_CIRCLE[:3, 2] for pose in poses]
     assert min(off) < 1e-12
     assert abs(axes[int(np.argmin(off))]) == pytest.approx(1)
-    for pose in poses:  # both look alike
+    for pose in poses:  # both give equal images
         assert project_circle(CAMERA, pose.T_camera_circle, RADIUS).numbers == pytest.approx(truth.numbers)
 
 
@@ -135,7 +135,7 @@ def test_short_arcs_are_refused_with_the_reason():
 
 
 @pytest.mark.parametrize(("tilts", "degrees"), [((0, 0.15), 360), ((0.2, 1.2), 360), ((0.3, 0.8), 150)])
-def test_circles_and_rays_are_as_far_off_as_is_said(tilts, degrees):
+def test_circles_and_rays_follow_their_stated_errors(tilts, degrees):
     rng, circles, rays = np.random.default_rng((2, degrees, int(100 * tilts[1]))), [], []
     for _ in range(60):
         turn, tilt = rng.uniform(0, 2 * np.pi), rng.uniform(*tilts)

@@ -23,7 +23,7 @@ EDGES = [(0, 1), (0, 2), (0, 4), (1, 3), (1, 5), (2, 3), (2, 6), (4, 5), (4, 6)]
 
 
 def segments_of(pixels, rng=None, sd=0.2):
-    """The model's edges as segments, their middle and direction drawn from the stated covariance."""
+    """Return the model's edges as segments, with middle and direction drawn from the stated covariance."""
     ends, middles, directions, covariances = [], [], [], []
     for i, j in EDGES:
         a, b = pixels[i], pixels[j]
@@ -89,7 +89,7 @@ def test_what_lens_and_calibration_add_is_in_the_covariances():
     np.testing.assert_allclose(ours.P, same.P, rtol=1e-12)
 
 
-def test_edges_of_an_image_give_a_pose_with_an_honest_covariance():
+def test_image_edges_give_a_pose_with_calibrated_covariance():
     rng, runs, nees, fits = np.random.default_rng(2), 120, [], []
     pixels, truth = project(CAMERA, SE3.apply(T_CAMERA_PART, VERTICES)), T_WORLD_CAMERA @ T_CAMERA_PART
     for _ in range(runs):

@@ -46,7 +46,7 @@ def with_copies(camera, points, T, T_camera_table, length, share):
 
 
 def factor_of(model, camera, image, edges):
-    """The image's factor of the largest region, and the prior of the table there."""
+    """Return the image's factor of the largest region, and the prior of the table there."""
     region = max(find_regions(image, edges.points), key=lambda region: region.mask.sum())
     T_camera_table = SE3.inverse(camera.T_world_camera)
     errors = TableErrors()
@@ -54,8 +54,8 @@ def factor_of(model, camera, image, edges):
     return region, image_of_region(camera, edges, region, Weights()), lying
 
 
-def test_a_pose_that_is_one_of_two_is_told_with_both(scene):
-    """Every edge across one direction has a copy: the part may as well lie there, and nothing tells which."""
+def test_a_pose_that_is_one_of_two_is_reported_with_both(scene):
+    """Every edge across one direction has a copy: the part may as well lie there, and nothing decides it."""
     model, camera, image, points, T, T_camera_table = scene
     length = pixel_length(camera, T, model.part.centroid)
     edges, way = with_copies(camera, points, T, T_camera_table, length, 1.0)
@@ -66,7 +66,7 @@ def test_a_pose_that_is_one_of_two_is_told_with_both(scene):
     middle = [SE3.apply(SE3.inverse(camera.T_world_camera) @ h.T_world_part, model.part.centroid) for h in answers]
     off = [np.linalg.norm(m - SE3.apply(T, model.part.centroid)) / length for m in middle]
     print(off, [h.probability for h in answers])
-    if len(answers) == 1:  # both are one region, as wide as they are apart
+    if len(answers) == 1:  # both are one region, as wide as their distance
         e = SE3.log(SE3.inverse(camera.T_world_camera @ T) @ answers[0].T_world_part)
         assert e @ np.linalg.solve(answers[0].covariance, e) < chi2.ppf(0.999, 6)
     else:  # or two answers, of which none is sure
@@ -100,7 +100,7 @@ def test_starts_beside_are_so_many_pixels_off_on_the_table(scene):
     np.testing.assert_allclose(lengths, np.r_[0.0, np.full(8, 1.5)], atol=1e-9)
 
 
-def test_the_prior_holds_a_refinement_to_where_it_is_told(scene):
+def test_the_prior_keeps_a_refinement_at_its_stated_pose(scene):
     model, camera, _, points, T, _ = scene
     nothing = map_edges(points, np.zeros(len(points), dtype=bool))
     moved = T @ SE3.exp(np.r_[1e-3, 0, 0, 0, 0, 0.01])

@@ -76,14 +76,14 @@ def test_a_block_shows_nine_edges_and_six_of_them_are_rims(tmp_path):
         assert (len(np.unique(frame.groups)), len(shown), len(rims)) == (12, 9, 6)
 
 
-def test_a_step_hides_what_is_behind_it(tmp_path):
+def test_a_step_hides_the_points_that_it_covers(tmp_path):
     part = read_part(Path(__file__).parents[2] / "examples" / "parts" / "housing.step")
     frame = wireframe(part)
     T = SE3.from_parts(SO3.exp(np.array([2.0, 0.4, 0.2])), np.array([0.0, 0.0, 0.6]))
     all_of_it, seen = see_edges(frame, T, hidden=False), see_edges(frame, T)
     assert (seen.shown <= all_of_it.shown).all()
     assert seen.shown.sum() < all_of_it.shown.sum()
-    # a sample is hidden exactly where a ray to it meets the surface first
+    # a sample is hidden exactly where a ray to it hits the surface first
     eye = SE3.inverse(T)[:3, 3]
     inside = frame.points + 2e-4 * part.diagonal * (n := frame.normals.sum(axis=1)) / np.linalg.norm(
         n, axis=1, keepdims=True

@@ -1,4 +1,4 @@
-"""Very many parts and an image of a table: the outline narrows them, and what is left out is said."""
+"""Very many parts and an image of a table: the outline prunes them, and the answer reports the pruned ones."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def many(monkeypatch):
 
 
 def whole(shots):
-    """Those of which the part is whole in the image, with its region."""
+    """Yield the scenes whose part is completely in the image, with its region."""
     for row, shot in shots:
         for region in find_regions(shot.image, find_edges(shot.image))[:1]:
             outline = seen_outline(shot.camera, region, SE3.inverse(shot.camera.T_world_camera))
@@ -64,7 +64,7 @@ def whole(shots):
                 yield row, shot, outline
 
 
-def test_the_part_of_an_image_is_looked_for(catalogue, shots, many):
+def test_the_part_of_an_image_is_searched(catalogue, shots, many):
     left, seen = [], 0
     for row, _, outline in whole(shots):
         chosen = narrowed(outline, catalogue)
@@ -85,8 +85,8 @@ def test_an_image_is_answered_of_a_catalogue(catalogue, shots, many):
     assert shares + seen.answer.unknown_probability <= 1 + 1e-9
 
 
-def test_what_was_not_looked_for_is_said(catalogue, shots, many, monkeypatch):
-    """Where all that look alike do not find room, they are as probable as those that did."""
+def test_unsearched_parts_are_reported(catalogue, shots, many, monkeypatch):
+    """If not all similar parts can be kept, the pruned ones are as probable as the kept ones."""
     monkeypatch.setattr(outlines, "DEFAULTS", outlines.DEFAULTS.changed("pruning.least", 1))
     monkeypatch.setattr("tanteo.posterior.answers.seen_outline._TOGETHER", 1e4)  # any outline is any part's
     _, shot, _ = next(whole(shots))

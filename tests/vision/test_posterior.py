@@ -1,4 +1,4 @@
-"""The posterior of an image: probabilities, poses within their spread whatever an edge does, the camera's errors."""
+"""The posterior of an image: probabilities, poses within their spread for any edge errors, the camera's errors."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def seen():
 
 
 def answer(model, camera, edges, T, lying=LYING):
-    """The best answer of an image, from one pose."""
+    """Return the best answer of an image, from one pose."""
     image = ImageEdges(camera, edges, np.array([0.05]))
     return hypothesis(infer(image, [(model, T[None])], 1, lying=lying).modes[0], image, lying=lying is not None)
 
@@ -44,11 +44,11 @@ def squared_error(found, truth):
 
 def long_edges(model, camera, points, T):
     """Rows of the edge points of each edge of the part that shows for more than 40 px, and about them."""
-    met, groups = meet(model.frame, camera, map_edges(points), T, 1.5), model.frame.groups
+    edge_hits, groups = meet(model.frame, camera, map_edges(points), T, 1.5), model.frame.groups
     found = []
-    for k in np.unique(groups[met.hits]):
-        own = met.points[met.hits & (groups == k)]
-        if met.spans[met.hits & (groups == k)].sum() > 40:
+    for k in np.unique(groups[edge_hits.hits]):
+        own = edge_hits.points[edge_hits.hits & (groups == k)]
+        if edge_hits.spans[edge_hits.hits & (groups == k)].sum() > 40:
             near = np.min(np.linalg.norm(points.pixels[:, None] - points.pixels[own], axis=-1), axis=1) < 6
             found.append(near & (np.abs(points.normals @ np.mean(points.normals[own], axis=0)) > 0.95))
     return found
@@ -70,7 +70,7 @@ def test_the_pose_stays_within_its_spread_whatever_the_edge(seen):
 @pytest.mark.parametrize("stated", [0.15, 0.35])
 @pytest.mark.parametrize("seed", [*range(6), *(pytest.param(k, marks=pytest.mark.slow) for k in range(6, 40))])
 def test_edges_farther_off_than_rendered_are_taken_as_such(seen, seed, stated):
-    """As with a lens or a model that is not exact: every edge is shifted, as is said or by more."""
+    """As with a lens or a model that is not exact: every edge is shifted, as stated or by more."""
     model, camera, points, T = seen
     rng, shift = np.random.default_rng([5, seed]), np.zeros(len(points))
     for rows in long_edges(model, camera, points, T):
@@ -80,13 +80,13 @@ def test_edges_farther_off_than_rendered_are_taken_as_such(seen, seed, stated):
     assert squared_error(best, camera.T_world_camera @ T) < chi2.ppf(0.999, 6)
 
 
-def test_what_is_said_of_the_lens_is_in_the_covariance(seen):
+def test_the_stated_lens_error_is_in_the_covariance(seen):
     model, camera, points, T = seen
     found = [answer(model, replace(camera, edge_sd=sd), map_edges(points), T) for sd in (0.0, 0.15, 0.4, 1.0)]
     assert all(more > less + 0.3 for less, more in pairwise(np.linalg.slogdet(h.covariance)[1] for h in found))
 
 
-def test_what_is_said_of_the_camera_s_place_is_in_the_covariance(seen):
+def test_the_stated_camera_pose_error_is_in_the_covariance(seen):
     """T_world_camera exp(e) T = T_world_part exp(G e); along the table's height and tilts the table holds the part."""
     model, camera, points, T = seen
     rng = np.random.default_rng(3)
@@ -147,7 +147,7 @@ def test_without_edges_of_the_part_nothing_is_known(seen):
 
 
 def scene(part):
-    """A camera, its image of a part that lies alone on a table, and the pose of the part in the world."""
+    """Return a camera, its image of a part alone on a table, and the pose of the part in the world."""
     camera, image, _, T = seen_alone(prepare_vision(part), 0.5)
     return camera, image, camera.T_world_camera @ T
 
@@ -166,7 +166,7 @@ def test_parts_of_one_name_keep_their_own_constants():
 
 
 def cone_frustum():
-    """A frustum of a cone of 40 mm, of 48 facets."""
+    """Return a frustum of a cone of 40 mm, of 48 facets."""
     angles = np.linspace(0, 2 * np.pi, 48, endpoint=False)
     rings = [np.c_[r * np.cos(angles), r * np.sin(angles), np.full(48, z)] for r, z in ((0.02, 0.0), (0.012, 0.04))]
     k, following = np.arange(48), (np.arange(48) + 1) % 48

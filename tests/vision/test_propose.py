@@ -1,4 +1,4 @@
-"""Pose proposals: which of them there are, what they cost, and which are looked at further."""
+"""Pose proposals: their list, their costs, and the ones that are refined."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_a_first_pose_is_next_to_truth_and_costs_what_it_should(model, seen):
     best = first & (turn < 1.2 * np.pi / SEARCH.yaws) & (off < EVIDENCE.shortest)
     assert best.any()
     assert proposal.costs[best].min() == proposal.costs[first].min()
-    # nothing spilled there: all that it costs is the distances; nowhere more than is looked at
+    # nothing spilled there: all that it costs is the distances; nowhere more than is evaluated
     assert proposal.costs[best].min() < 3.0
     share = bare_share(model.inner, camera, proposal.T_camera_part, bare_table(region.mask))
     assert share.max() < SEARCH.spilled + 0.15

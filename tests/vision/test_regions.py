@@ -10,7 +10,7 @@ from tanteo.vision import find_edges, find_regions
 from tanteo.vision.answers import heights
 
 
-def test_the_outline_of_disc_is_circle_and_normals_look_outwards():
+def test_a_disc_has_a_circular_outline_and_outward_normals():
     pytest.importorskip("cv2", reason="needs tanteo[vision]")
     rng, centre, radius = np.random.default_rng(1), np.array([70.3, 62.8]), 28.5
     y, x = np.mgrid[0:130, 0:150]

@@ -51,8 +51,8 @@ def two(models):
     """Two parts on a table, far apart."""
     camera = table_camera()
     poses = [lay_down(models[0], 0, -0.08, 0.05, 0.6), lay_down(models[4], 1, 0.08, -0.04, -1.0)]
-    things = [rendered_part(models[0].part, poses[0], 110), rendered_part(models[4].part, poses[1], 130)]
-    image, whose = render(Stage(camera, things), np.random.default_rng(2))
+    slabs = [rendered_part(models[0].part, poses[0], 110), rendered_part(models[4].part, poses[1], 130)]
+    image, whose = render(Stage(camera, slabs), np.random.default_rng(2))
     return image, camera, poses, whose
 
 
@@ -85,7 +85,7 @@ def test_the_same_image_gives_the_same_answer(two, models):
             assert np.array_equal(one.T_world_part, other.T_world_part)
 
 
-def test_regions_are_the_things_and_their_shadows(two):
+def test_regions_are_the_objects_and_their_shadows(two):
     image, _, _, whose = two
     regions = find_regions(image, find_edges(image))
     for k in (0, 1):
@@ -103,7 +103,7 @@ def test_an_empty_table_shows_nothing(models):
 
 
 @pytest.mark.slow
-def test_a_stranger_is_not_called_by_a_part_s_name(models):
+def test_an_unknown_object_does_not_get_a_part_s_name(models):
     shots = [random_shot(models, np.random.default_rng([4, k]), 0.0, models[4]) for k in range(4)]
     called = [see_table(shot.image, shot.camera, models[:4]).objects[0].answer for shot in shots]
     assert sum(answer.status == "recognized" for answer in called) == 0
@@ -128,14 +128,14 @@ def test_the_offset_s_derivative_is_one(two, models):
     image, camera, poses, _ = two
     edges, frame = map_edges(find_edges(image)), models[0].frame
     T = SE3.inverse(camera.T_world_camera) @ poses[0]
-    met = meet(frame, camera, edges, T, 2.5)
-    seen, h, checked = met.seen, 1e-6, 0
+    hits = meet(frame, camera, edges, T, 2.5)
+    seen, h, checked = hits.seen, 1e-6, 0
     for k, e in enumerate(h * np.eye(6)):
         plus, minus = (meet(frame, camera, edges, T @ SE3.exp(s * e), 2.5, seen) for s in (1, -1))
         # the same edge point, measured from a sample that has moved: along the sample's own normal, which turns too
-        same = met.hits & (plus.points == met.points) & (minus.points == met.points)
-        moved = np.sum((plus.pixels - minus.pixels) * met.normals, axis=-1) / (2 * h)
-        assert met.jacobian[same, k] == pytest.approx(moved[same], rel=1e-4, abs=0.05)
+        same = hits.hits & (plus.points == hits.points) & (minus.points == hits.points)
+        moved = np.sum((plus.pixels - minus.pixels) * hits.normals, axis=-1) / (2 * h)
+        assert hits.jacobian[same, k] == pytest.approx(moved[same], rel=1e-4, abs=0.05)
         checked += int(same.sum())
     assert checked > 300
 
@@ -193,10 +193,10 @@ def test_the_picture_names_part_with_its_probability_in_any_pose(two, models, mo
     best = seen.answer.hypotheses[0]
     halves = tuple(replace(best, probability=p) for p in (0.5, 0.25))
     sight = replace(sight, objects=(replace(seen, answer=replace(seen.answer, hypotheses=halves)),))
-    said = []
-    monkeypatch.setattr("tanteo.render.image_picture._say", lambda picture, text, at, size: said.append(text))
+    rejected = []
+    monkeypatch.setattr("tanteo.render.image_picture._say", lambda picture, text, at, size: rejected.append(text))
     draw_sight(image, camera, sight)
-    assert f"{best.part} 75.0 %" in said
+    assert f"{best.part} 75.0 %" in rejected
 
 
 def test_what_does_not_fit_together_is_refused(two, models):
@@ -238,14 +238,14 @@ def test_poses_are_in_the_camera_frame_without_its_place(two, models, anywhere):
     assert see_anywhere(image, Camera(camera.K, camera.size), models[:1]).frame == "camera"
 
 
-@pytest.mark.parametrize(("p_value", "said"), [(0.5, False), (1e-9, True)])
-def test_edges_that_fit_badly_are_said_to(anywhere, p_value, said):
+@pytest.mark.parametrize(("p_value", "rejected"), [(0.5, False), (1e-9, True)])
+def test_badly_fitting_edges_are_reported(anywhere, p_value, rejected):
     best = anywhere.objects[0].answer.hypotheses[0]
     findings = judged([replace(best, p_value=p_value, probability=0.99)], ImagePosterior((), 0.01))[1]
-    assert ("The edges fit badly" in message_of(findings)) == said
+    assert ("The edges fit badly" in message_of(findings)) == rejected
 
 
-def test_without_opencv_the_message_says_what_to_install(monkeypatch):
+def test_without_opencv_the_message_names_the_package(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "cv2", None)
     with pytest.raises(MissingExtraError, match=r"tanteo\[vision\]"):
         find_edges(np.zeros((40, 40)))

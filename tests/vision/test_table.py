@@ -1,4 +1,4 @@
-"""The camera's place from marks: exact without noise, honest with it; and what the table says about a pose."""
+"""The camera's pose from marks: exact without noise, calibrated with it; and the table's information about a pose."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_marks_that_contradict_each_other_are_refused_by_number():
         fit_camera(CAMERA, pixels, MARKS)
 
 
-def test_a_mark_that_is_told_twice_counts_once():
+def test_a_mark_given_twice_counts_once():
     twice = np.concatenate([MARKS[:3], MARKS[:1]])
     with pytest.raises(InputError, match="different points"):
         fit_camera(CAMERA, seen_from(standing(0.3, 0.0), twice), twice)
@@ -114,7 +114,7 @@ def test_the_camera_s_errors_are_the_table_s_too():
     C = half @ half.T
     camera = Camera(CAMERA.K, CAMERA.size, CAMERA.distortion, T, C)
     got = seen_table(TableErrors(1e-9, 1e-9), camera, np.eye(4))
-    # where a camera that stands elsewhere puts the point of the table that it looks at
+    # where a camera that stands elsewhere puts the point of the table on its optical axis
     middle = T[:3, 3] - T[2, 3] / T[2, 2] * T[:3, 2]
     draws = T @ SE3.exp(rng.multivariate_normal(np.zeros(6), C, 20000)) @ SE3.inverse(T)
     lifted = SE3.apply(draws, middle)[:, 2]

@@ -21,14 +21,14 @@ from vision_scenes import PARTS
 
 
 def other_camera(camera):
-    """The same camera, turned about the middle of the table by 40 degrees."""
+    """Return the same camera, rotated about the middle of the table by 40 degrees."""
     turn = SE3.from_parts(SO3.axis_rotation(2, np.radians(40.0)), np.zeros(3))
     return replace(camera, T_world_camera=turn @ camera.T_world_camera)
 
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
-    """Parts that look alike, where one of them lies, two views of it and a file of readings of its top."""
+    """Similar parts, the pose of one of them, two views of it and a file of readings of its top."""
     parts = [read_part(PARTS / f"{name}.step") for name in ("step_12mm", "step_15mm", "wedge")]
     model, rng = prepare_vision(parts[0]), np.random.default_rng(4)
     T = SE3.from_parts(SO3.axis_rotation(2, 0.5), np.array([0.01, 0.02, 0.0])) @ model.rests[0].T_table_part

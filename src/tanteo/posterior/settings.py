@@ -198,7 +198,7 @@ class PruningSettings:
     Attributes:
         budget: number of full searches that one stage may cost. ``benchmarks/bench_catalogue.py``, decision 76.
         first_pass_cost: cost of a first-pass search from known poses over that of a full search. Measured:
-            ``python benchmarks/bench_catalogue.py CATALOGUE 12 points12 --say`` at 10,000 parts.
+            ``python benchmarks/bench_catalogue.py CATALOGUE 12 points12 --verbose`` at 10,000 parts.
         first_pass_places: number of pairs of surface places in a first pass. Row parts12_known.
         table_weight: log-evidence for each nat of cost by tables, which assume more noise than stated. Decision 76.
         estimate_weight: smallest log-evidence for each nat of an estimate by few points or a coarse field.

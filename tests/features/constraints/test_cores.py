@@ -56,11 +56,11 @@ def test_gradients_match_differences(name):
     for k in range(6):
         step = SE3.exp(h * np.eye(6)[k])
         back = SE3.inverse(step)
-        for g, ahead, behind in (
+        for g, ahead, minus in (
             (g1, (T1 @ step, C1, T2, C2), (T1 @ back, C1, T2, C2)),
             (g2, (T1, C1, T2 @ step, C2), (T1, C1, T2 @ back, C2)),
         ):
-            slope = (function(*ahead).value - function(*behind).value) / (2 * h)
+            slope = (function(*ahead).value - function(*minus).value) / (2 * h)
             np.testing.assert_allclose(g[..., k].reshape(slope.shape), slope, atol=2e-8 * max(1, np.abs(g).max()))
 
 
@@ -257,8 +257,8 @@ def test_height_and_pitch_have_covariance_of_their_derivatives():
     found = replace(found, covariance=S)
     (height, pitch), C = cs.height_and_pitch(found)
     step = np.array([0.0, 1e-6])
-    ahead, behind = (cs.height_and_pitch(replace(found, value=found.value + s * step))[0] for s in (1, -1))
-    J = np.stack([[1.0, 0.0], (ahead - behind) / 2e-6], axis=1)
+    ahead, minus = (cs.height_and_pitch(replace(found, value=found.value + s * step))[0] for s in (1, -1))
+    J = np.stack([[1.0, 0.0], (ahead - minus) / 2e-6], axis=1)
     np.testing.assert_allclose(C, J @ S @ J.T, rtol=1e-6)
     assert height == found.value[0]
     assert np.sin(pitch) == pytest.approx(-found.value[1])

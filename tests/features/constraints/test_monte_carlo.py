@@ -33,14 +33,14 @@ def draw(T, factor, kind, noise):
 
 
 def inside(nees, dof):
-    """The mean of N values of chi-square with ``dof`` degrees of freedom is in its 99.9 % interval."""
+    """Check that the mean of N values of chi-square with ``dof`` degrees of freedom is in its 99.9 % interval."""
     low, high = special.chdtri(dof * N, [0.9995, 0.0005]) / N
     assert low < np.mean(nees) < high, f"{np.mean(nees):.4f} outside {low:.4f}..{high:.4f}"
 
 
 @pytest.mark.parametrize("correlated", [False, True])
 @pytest.mark.parametrize("name", FREE_PAIRS)
-def test_scalar_constraints_are_as_uncertain_as_they_say(name, correlated):
+def test_scalar_constraints_follow_their_variance(name, correlated):
     function, first, second = FREE_PAIRS[name]
     rng = np.random.default_rng(sum(map(ord, name)) + correlated)
     T = SE3.exp(np.c_[0.05 * rng.normal(size=(2, 3)), rng.normal(size=(2, 3))])

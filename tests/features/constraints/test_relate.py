@@ -49,7 +49,7 @@ CORES = {
 
 
 @pytest.mark.parametrize("shared", [False, True])
-def test_the_table_holds_what_the_cores_say(shared):
+def test_the_table_has_the_values_of_the_cores(shared):
     fs = features(np.random.default_rng(1), shared=shared)
     named = {f.label: f for f in fs}
     table = cs.relate_all(fs)
@@ -87,7 +87,7 @@ def test_the_table_holds_what_the_cores_say(shared):
 
 
 def on_a_base(alone):
-    """The same features, moved together by a common error of a metre and ten milliradians."""
+    """Return the same features, moved together by a common error of a metre and ten milliradians."""
     base = SharedError("base", np.diag([1.0, 1.0, 1.0, 1e-4, 1e-4, 1e-4]))
     return [replace(f, shared=(SharedTerm(base, f.kind.B @ SE3.adjoint_inverse(f.T_world_feature)),)) for f in alone]
 

@@ -33,7 +33,7 @@ def simulated():
     return constraint_nees(TRIALS, 5)
 
 
-def test_round_constraints_are_as_uncertain_as_they_say(simulated):
+def test_round_constraints_follow_their_covariance(simulated):
     found, dof = simulated
     assert {kind for kind, _ in found} >= {
         "axis_angle", "axis_distance", "axis_gap", "axis_parallelism", "axis_perpendicularity", "axis_plane_angle",

@@ -39,7 +39,7 @@ def interval(dof, level=0.95):
 
 
 def free_motion(kind, rng, size=0.02):
-    """A random motion of a feature along its own degrees of freedom."""
+    """Return a random motion of a feature along its own degrees of freedom."""
     out = np.eye(4)
     for rows, scale in (([i for i in kind.free if i < 3], size), ([i for i in kind.free if i >= 3], 1.0)):
         xi = np.zeros(6)
@@ -49,7 +49,7 @@ def free_motion(kind, rng, size=0.02):
 
 
 def on_feature(relation, radius, rng):
-    """A relative frame for which the relation holds exactly, a few centimetres away."""
+    """Return a relative frame for which the relation holds exactly, a few centimetres away."""
     T = SE3.exp(rng.normal(size=6) * np.r_[np.full(3, 0.05), np.ones(3)])
     for _ in range(60):
         f, D = relation.linearize(T, np.array(radius))
@@ -119,7 +119,7 @@ class Scene:
         return out
 
     def blocks(self, Ts, trials):
-        """All trials as one batch; one block a pairing."""
+        """Return all trials as one batch with one block for each pairing."""
         L = np.sqrt(np.concatenate([np.diag(e.covariance) for e in self.errors])) if self.errors else np.zeros(0)
         blocks = []
         for i, (relation, T) in enumerate(zip(self.relations, Ts, strict=True)):
@@ -315,7 +315,7 @@ def test_invariance(name):
     np.testing.assert_allclose(shuffled.distances, e.distances[order], rtol=1e-6)
 
     moved = []
-    for pairing in pairings:  # sensed frames slid and turned along what nobody senses
+    for pairing in pairings:  # sensed frames slid and turned along unsensed directions
         kind = pairing.sensed.kind
         S = free_motion(kind, rng)
         A = kind.B @ SE3.adjoint_inverse(S) @ kind.B.T

@@ -62,7 +62,7 @@ def pairings(features, T_world_part, rng, noise=1.0):
 
 
 def residuals(features, T_world_part, T):
-    """All residuals of exact features at another pose."""
+    """Return all residuals of exact features at another pose."""
     exact = pairings(features, T_world_part, np.random.default_rng(0), noise=0.0)
     return np.concatenate(
         [
@@ -99,7 +99,7 @@ def test_free_motions_are_those_that_no_residual_feels(name, noise):
         assert np.abs(residuals(features, T, T @ SE3.exp(0.1 * xi))).max() < 1e-9
     assert np.linalg.matrix_rank(J, tol=1e-6) == 6 - slides - turns
     assert np.abs(J @ reference.free.T).max(initial=0.0) < 1e-8
-    # along free directions the covariance is wide, across them it is of the size of the noise
+    # along free directions the covariance is wide, across them it has the size of the noise
     for xi in e.free:
         assert xi @ np.linalg.pinv(e.covariance) @ xi < 100
 
@@ -117,11 +117,11 @@ def test_free_motions_in_words(name, words):
     features, _, _ = CASES[name]
     T = SE3.exp(np.array([0.1, 0.0, 0.2, 0.5, 0.4, -0.3]))  # no axis of the part along one of the world
     e = estimate_pose(pairings(features, T, np.random.default_rng(22)))
-    for said, expected in zip(e.unobserved, words, strict=True):
-        assert said.startswith(expected)
+    for text, expected in zip(e.unobserved, words, strict=True):
+        assert text.startswith(expected)
     upright = estimate_pose(pairings(features, np.eye(4), np.random.default_rng(22)))
-    for said, expected in zip(upright.unobserved, words, strict=True):
-        assert said.startswith(expected.replace("part", "world"))
+    for text, expected in zip(upright.unobserved, words, strict=True):
+        assert text.startswith(expected.replace("part", "world"))
 
 
 def test_noise_does_not_hide_a_free_direction():
@@ -182,7 +182,7 @@ def test_flipped_edge_frames_change_nothing():
     assert f.chi2 == pytest.approx(e.chi2, rel=1e-6)
 
 
-def test_contradictory_pairings_say_so():
+def test_contradictory_pairings_are_reported():
     """One model plane sensed from both sides: no pose explains both, and the estimate does not pretend."""
     rng = np.random.default_rng(27)
     first = pairings([plane(X, A), plane(Y, B), plane(Z, C)], np.eye(4), rng)
@@ -206,14 +206,14 @@ def test_a_single_direction_keeps_its_side(name):
                 assert p.sensed.T_world_feature[:3, 2] @ e.T_world_part[:3, :3] @ p.model.T_part_feature[:3, 2] > 0.9
 
 
-def test_a_turn_is_told_by_the_point_of_its_axis_next_to_part():
+def test_a_rotation_is_named_by_its_axis_point_nearest_the_part():
     """Not by the one next to the origin of its file, which may be metres away."""
     middle, T = np.array([50.0, -20.0, 10.0]), random_pose(np.random.default_rng(3))
     T[:3, 3] = np.array([1.0, 2.0, 3.0]) - T[:3, :3] @ middle  # so that the middle is at (1, 2, 3) m
     scale = motion_scale(0.1, middle)
     words = describe_motion(np.array([0, 0, 0, 0, 0, 1.0]), T, scale)
     assert str(words) == "rotation about part z through (1000.0, 2000.0, 3000.0) mm"
-    beside = describe_motion(np.array([0, 0.1, 0, 0, 0, 1.0]), T, scale)  # v = -w x c, c a tenth of its size aside
+    beside = describe_motion(np.array([0, 0.1, 0, 0, 0, 1.0]), T, scale)  # v = -w x c, c a tenth of its size off
     np.testing.assert_allclose(beside.point, T[:3, :3] @ (middle - np.array([0.01, 0, 0])) + T[:3, 3], atol=1e-4)
 
 

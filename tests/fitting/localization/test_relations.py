@@ -53,7 +53,7 @@ def test_the_test_statistic_ignores_the_free_directions(name):
 
 
 def _exact(relation, rng, radius):
-    """A relative frame for which the relation holds, by Gauss-Newton from a random one."""
+    """Return a relative frame for which the relation holds, by Gauss-Newton from a random one."""
     T = SE3.exp(0.3 * rng.normal(size=6))
     for _ in range(50):
         f, D = relation.linearize(T, radius)

@@ -91,7 +91,7 @@ def test_the_record_gives_the_same_features_to_the_last_bit(tmp_path, felt, kind
 
 
 def test_the_published_plane_holds_what_it_states():
-    """Four readings of the record instead of all: a greater covariance, and an honest one."""
+    """Four readings of the record instead of all: a greater covariance, and a calibrated one."""
     total, n = 0.0, 12
     for seed in range(n):
         session = SensingRun(robot_on(T=start(height=0.07, tilt=(0.0, 0.05, 0.2)), seed=seed), 0.02, RULES, None)
@@ -135,7 +135,7 @@ def test_a_face_that_is_too_narrow_is_not_felt():
 
 
 @pytest.mark.slow
-def test_no_room_is_a_limit():
+def test_too_little_clearance_is_a_limit():
     walls = [([0.045, -0.1], [0.06, 0.1]), ([-0.06, -0.1], [-0.045, 0.1])]
     walls += [([-0.1, 0.035], [0.1, 0.05]), ([-0.1, -0.05], [0.1, -0.035])]
     solids = [box(f"wall {k}", [*low, 0.05], [*high, 0.1]) for k, (low, high) in enumerate(walls)]
@@ -184,8 +184,8 @@ def test_the_patch_and_the_stands_of_a_block():
         assert ((feet[:, :2] > -2e-3) & (feet[:, :2] < [0.122, 0.082])).all()
     assert not over(cloud, patch.point, patch.normal).hit.any()
     poses = [facing(gripper(), patch.point, patch.normal, [1, 0, 0], h, start()) for h in (0.06, 0.005)]
-    far_room, near_room = clearance(cloud, gripper().body, np.array(poses))
-    assert far_room > 0.055 > near_room
+    far_clearance, near_clearance = clearance(cloud, gripper().body, np.array(poses))
+    assert far_clearance > 0.055 > near_clearance
 
 
 @pytest.mark.slow

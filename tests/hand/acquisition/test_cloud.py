@@ -1,4 +1,4 @@
-"""What was met, as points with their uncertainty, and the room that it leaves."""
+"""Hits as points with their uncertainty, and the clearance that they leave."""
 
 import math
 
@@ -11,22 +11,22 @@ from tanteo.hand import Body, Rules, Scene, SimulatedHand, box, spiral_scan
 from tanteo.hand.acquisition.seen import Cloud, beside, clearance, cloud_of, over
 
 
-def straight_down(points, met=True, sd=4e-4, slope=0.0):
+def straight_down(points, with_hit=True, sd=4e-4, slope=0.0):
     """Beams from 50 mm above some points."""
     points = np.atleast_2d(np.asarray(points, dtype=float))
     n = len(points)
     beams = np.tile([0.0, 0.0, -1.0], (n, 1))
     ranges, ones = np.full(n, 0.05), np.ones(n)
-    return Cloud(points - 0.05 * beams, beams, ranges, np.full(n, met), sd * ones, slope * ones, np.full(n, True))
+    return Cloud(points - 0.05 * beams, beams, ranges, np.full(n, with_hit), sd * ones, slope * ones, np.full(n, True))
 
 
-def test_room_is_from_the_skin_to_what_was_met():
+def test_clearance_is_from_the_skin_to_the_hits():
     body = Body(np.array([[0.0, 0, 0], [0.1, 0, 0]]), np.array([0.01, 0.02]), np.array([False, True]))
     poses = np.stack([np.eye(4), SE3.from_parts(np.eye(3), np.array([0.0, 0.0, 0.3]))])
     np.testing.assert_allclose(
         clearance(straight_down([0.1, 0.05, 0.0]), body, poses), [0.03, np.hypot(0.3, 0.05) - 0.02]
     )
-    assert np.isinf(clearance(straight_down([0.1, 0.05, 0.0], met=False), body, poses)).all()
+    assert np.isinf(clearance(straight_down([0.1, 0.05, 0.0], with_hit=False), body, poses)).all()
 
 
 @pytest.mark.parametrize("incidence", [0.0, 30.0, 60.0])
@@ -48,7 +48,7 @@ def test_over_and_beside_a_plane():
     np.testing.assert_allclose(off.points[:, 0], [0.0, 0.02], atol=1e-12)
 
 
-def test_of_beams_that_met_nothing_only_those_ahead_are_kept():
+def test_only_forward_beams_without_a_hit_are_kept():
     """Lateral ones reach too short a way to say where a face ends."""
     scene = Scene.of([box("plate", [-0.02, -0.2, -0.02], [0.2, 0.2, 0.0])])
     R = np.diag([1.0, -1.0, -1.0])

@@ -1,4 +1,4 @@
-"""When the hand comes nearer before it looks."""
+"""Approaches of the hand before its first scan."""
 
 import numpy as np
 import pytest

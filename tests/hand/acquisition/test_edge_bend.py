@@ -43,7 +43,7 @@ def test_the_edge_of_a_bend(degrees):
 
 
 @pytest.mark.slow
-def test_a_slight_bend_is_not_felt_and_the_answer_says_why():
+def test_a_slight_bend_is_not_sensed_and_the_reason_is_given():
     _, got = felt(10, seed=0)
     assert got.status == "nothing"
     assert "bends away by about" in got.message
@@ -52,7 +52,7 @@ def test_a_slight_bend_is_not_felt_and_the_answer_says_why():
 
 
 def test_planes_that_meet_elsewhere_are_of_another_edge():
-    """The bend is said to be 10 mm beside where it is."""
+    """The stated position of the bend is 10 mm off."""
     scene = roof(math.radians(45))
     robot = SimulatedHand(scene, gripper(), over(-0.03, 0.02), rng=np.random.default_rng(0))
     session = SensingRun(robot, 0.02, Rules(clearance=0.012), None)

@@ -1,4 +1,4 @@
-"""Crossings go no farther than was seen free, and looks make more of it known."""
+"""Crossings stay within the space that is known to be free, and scans enlarge it."""
 
 import numpy as np
 
@@ -25,7 +25,7 @@ def over(x, y, height):
 
 
 def beside_the_edge(*solids):
-    """A session that has scanned the block's top and looked nowhere else."""
+    """Return a session that has scanned only the block's top."""
     robot = SimulatedHand(
         Scene.of([BLOCK, *solids]), gripper(), over(0.06, 0.022, STANDOFF), rng=np.random.default_rng(0)
     )
@@ -35,7 +35,7 @@ def beside_the_edge(*solids):
     return session, face
 
 
-def test_what_stands_beyond_edge_is_looked_at_and_not_run_into():
+def test_an_obstacle_beyond_the_edge_is_scanned_and_avoided():
     session, face = beside_the_edge(POST)
     T = pose_over(session, face, PLACE, ALONG)
     assert known_way(session, T, OUTWARDS, 0.05) < 0.02
@@ -54,7 +54,7 @@ def test_the_same_edge_without_a_post_is_crossed():
     assert crossing.seen == gripper().frontal
 
 
-def test_looks_end_when_all_is_known_and_are_two_at_most(monkeypatch):
+def test_scans_end_when_all_is_known_and_are_two_at_most(monkeypatch):
     """After a first look elsewhere, which is a small one."""
     session, face = beside_the_edge()
     assert session.does(spiral_scan(session.robot, 0.02, session.rules)).reached
@@ -62,8 +62,8 @@ def test_looks_end_when_all_is_known_and_are_two_at_most(monkeypatch):
     assert not nearly_known(session, needed)
     assert scan_above(session, face, needed).reached
     assert nearly_known(session, needed)
-    looks = [m for m in session.motions if m.name == "look"]
-    assert len(looks) == 1 + 1
+    scans = [m for m in session.motions if m.name == "look"]
+    assert len(scans) == 1 + 1
     monkeypatch.setattr(crossings, "nearly_known", lambda *_: False)
     scan_above(session, face, needed)
     assert len([m for m in session.motions if m.name == "look"]) == 1 + 3

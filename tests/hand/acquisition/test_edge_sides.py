@@ -20,7 +20,7 @@ PLACES = np.array([[-0.03, 0.0, 0.0], [0.0, 0.0, 0.0], [0.03, 0.0, 0.0]])
 
 
 def crossing(x, border, name="cross edge", below=None):
-    """The hand goes out along y with its first sensor at ``x``; where the face ends there, ``border`` says."""
+    """Return poses of a hand that moves along y with its first sensor at ``x``; the face ends at ``border``."""
     hand, R, log = gripper(), np.diag([1.0, -1.0, -1.0]), []
     first = hand.frontal[0]
     for k, y in enumerate(np.arange(-0.012, 0.012, 2e-4)):
@@ -33,40 +33,40 @@ def crossing(x, border, name="cross edge", below=None):
     return Motion(name, "reached", AtPose(), tuple(log))
 
 
-def said(*motions, places=PLACES):
+def sides_of(*motions, places=PLACES):
     session = SimpleNamespace(hand=gripper(), standoff=STANDOFF, motions=motions)
     return against(session, FACE, EDGE_, places, OUT)
 
 
 def test_nothing_is_against_an_edge_where_the_face_ends():
-    assert said(crossing(-0.03, 0.0), crossing(0.01, 0.0), crossing(0.03, 0.0)) is None
-    assert said(crossing(0.01, 0.0, below=0.01)) is None
+    assert sides_of(crossing(-0.03, 0.0), crossing(0.01, 0.0), crossing(0.03, 0.0)) is None
+    assert sides_of(crossing(0.01, 0.0, below=0.01)) is None
 
 
 @pytest.mark.parametrize("below", [None, 0.01])
 def test_a_face_that_ends_before_or_goes_on_beyond_is_against_it(below):
     far = 1.2 * SPOT + 1.8e-3
-    assert said(crossing(0.01, 0.0), crossing(-0.01, -far, below=below)) == FaceEndsElsewhere(beyond=False)
-    assert said(crossing(0.01, 0.0), crossing(-0.01, far, below=below)) == FaceEndsElsewhere(beyond=True)
+    assert sides_of(crossing(0.01, 0.0), crossing(-0.01, -far, below=below)) == FaceEndsElsewhere(beyond=False)
+    assert sides_of(crossing(0.01, 0.0), crossing(-0.01, far, below=below)) == FaceEndsElsewhere(beyond=True)
 
 
 def test_what_a_spot_may_meet_is_not_against_it():
     for border in (-1.1 * SPOT, 1.1 * SPOT):
-        assert said(crossing(0.01, border)) is None
+        assert sides_of(crossing(0.01, border)) is None
 
 
 def test_far_or_past_places_may_be_of_another_edge():
     """A groove in the face, the face going on beyond a gap, the next edge past a corner."""
     groove = crossing(0.01, 0.0)
     cut = [s if not -0.012 < s.T_world_hand[1, 3] < -0.009 else missed(s) for s in groove.log]
-    assert said(Motion("cross edge", "reached", AtPose(), tuple(cut))) is None
-    assert said(crossing(0.035, 0.008)) is None
-    assert said(crossing(0.01, 0.008), places=PLACES[:1]) is None
+    assert sides_of(Motion("cross edge", "reached", AtPose(), tuple(cut))) is None
+    assert sides_of(crossing(0.035, 0.008)) is None
+    assert sides_of(crossing(0.01, 0.008), places=PLACES[:1]) is None
 
 
 def test_only_crossings_count():
-    """They are slow: elsewhere a range may be of a pose that is past."""
-    assert said(crossing(0.01, 0.0), crossing(0.01, 0.008, name="follow")) is None
+    """Crossings are slow: in other motions a range may belong to an earlier pose."""
+    assert sides_of(crossing(0.01, 0.0), crossing(0.01, 0.008, name="follow")) is None
 
 
 def missed(s):

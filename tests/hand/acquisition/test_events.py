@@ -14,7 +14,7 @@ SD = 4e-4
 
 
 def event(x, y, sensor=0, sd=SD):
-    """The beam straight down at (x, y), 20 mm over the surface."""
+    """Return the event of a beam straight down at (x, y), 20 mm over the surface."""
     R = np.diag([1.0, -1.0, -1.0])
     foot = np.array([x, y, 0.0]) - R @ (gripper().origins[sensor] + [0, 0, 0.02])
     return EdgeEvent(sensor, SE3.from_parts(R, foot), 0.02, 1e-4, sd, True)
@@ -25,7 +25,7 @@ def edge(xs, ys, sensor=0, sd=SD):
     return [event(x, y, sensor, sd) for x, y in zip(xs, ys, strict=True) for _ in range(2)]
 
 
-def said(events):
+def side_of(events):
     return doubt(gripper(), events, ALONG, OUTWARDS)[0]
 
 
@@ -54,12 +54,12 @@ def test_events_of_another_edge_are_left_out():
 
 
 def test_one_straight_edge_is_not_doubted():
-    """As often as its gate says: 3.3 standard deviations of a few residuals."""
+    """The rate is that of its gate: 3.3 standard deviations of a few residuals."""
     rng, doubted, n = np.random.default_rng(0), 0, 400
     xs = np.array([-0.032, -0.02, -0.008, 0.008, 0.02, 0.032])
     for _ in range(n):
         ys = 0.05 * xs + rng.normal(size=len(xs)) * SD / np.sqrt(2)
-        doubted += bool(said(edge(xs, ys)))
+        doubted += bool(side_of(edge(xs, ys)))
     assert doubted <= 10
 
 
@@ -67,8 +67,8 @@ def test_one_straight_edge_is_not_doubted():
 def test_a_place_of_another_edge_is_found(k):
     xs = np.array([-0.032, -0.02, -0.008, 0.008, 0.02, 0.032])
     ys = np.where(np.arange(6) == k, 0.004, 0.0)
-    assert isinstance(said(edge(xs, ys)), PlaceBeside)
-    assert said(edge(xs, 0 * ys)) is None
+    assert isinstance(side_of(edge(xs, ys)), PlaceBeside)
+    assert side_of(edge(xs, 0 * ys)) is None
 
 
 @pytest.mark.parametrize("k", range(5))
@@ -93,7 +93,7 @@ def test_more_is_not_left_out():
         assert kept == events
 
 
-def test_most_of_what_was_met_has_to_be_of_the_one_edge():
+def test_most_hits_must_be_on_one_edge():
     """Of fourteen events of several edges five are on one line by chance sooner or later."""
     events = edge([-0.02, 0.0, 0.02], [0, 0, 0])
     assert agreeing(gripper(), events, ALONG, OUTWARDS, 12) == (events, None)
@@ -105,12 +105,12 @@ def test_most_of_what_was_met_has_to_be_of_the_one_edge():
 def test_three_places_control_each_other():
     """There and back meet the same corner: the number of events does not help, the middle place does."""
     xs = np.array([-0.01, 0.0, 0.01])
-    assert said(edge(xs, [0, 0, 0])) is None
-    assert isinstance(said(edge(xs, [0, 0, 0.0027])), PlaceBeside)
-    assert said(edge(xs[:2], [0, 0]) * 4) == EdgeMetRarely(16, alone=False)
-    assert said([]) == EdgeMetRarely(0, alone=False)
-    assert said(edge([0, 0.003, 0.006, 0.009], [0] * 4)) == EdgeMetRarely(8, alone=False)
-    assert said(edge([-0.006, 0.0, 0.07], [0, 0, 0])) == EdgeMetRarely(6, alone=True)
+    assert side_of(edge(xs, [0, 0, 0])) is None
+    assert isinstance(side_of(edge(xs, [0, 0, 0.0027])), PlaceBeside)
+    assert side_of(edge(xs[:2], [0, 0]) * 4) == EdgeMetRarely(16, alone=False)
+    assert side_of([]) == EdgeMetRarely(0, alone=False)
+    assert side_of(edge([0, 0.003, 0.006, 0.009], [0] * 4)) == EdgeMetRarely(8, alone=False)
+    assert side_of(edge([-0.006, 0.0, 0.07], [0, 0, 0])) == EdgeMetRarely(6, alone=True)
 
 
 def test_sensors_may_differ_by_their_mounting():
@@ -118,4 +118,4 @@ def test_sensors_may_differ_by_their_mounting():
     for apart, doubted in ((5e-4, False), (1e-3, True)):
         one = edge([-0.03, -0.01, 0.01], [0, 0, 0], sensor=0, sd=1e-5)
         other = edge([-0.02, 0.0, 0.02], [apart] * 3, sensor=1, sd=1e-5)
-        assert bool(said(one + other)) == doubted
+        assert bool(side_of(one + other)) == doubted

@@ -21,7 +21,7 @@ def robot_on(scene, T, seed=0):
     return SimulatedHand(scene, gripper(), T, rng=np.random.default_rng(seed))
 
 
-def test_a_beam_says_that_its_way_was_free():
+def test_a_beam_has_a_free_path():
     """One instant over a table: two frontal beams down to it, four to the sides as far as they reach."""
     robot = robot_on(TABLE, over())
     known = Known(gripper(), [robot.sensed])
@@ -35,7 +35,7 @@ def test_a_beam_says_that_its_way_was_free():
     assert not known.has(side + 0.03 * robot.truth[0][:3, :3] @ gripper().axes[3])  # beyond its reach
 
 
-def test_a_beam_that_gave_no_range_says_nothing():
+def test_a_beam_without_a_range_has_no_information():
     robot = robot_on(TABLE, over(height=0.001))  # too near for a range
     known = Known(gripper(), [robot.sensed])
     assert not known.has(np.array([-0.02, 0.0, -0.004]))
@@ -59,7 +59,7 @@ def test_where_the_hand_was_is_known():
         assert known.has(centres + np.array([0.007, 0.0, 0.0])).all() == there
 
 
-def test_after_a_look_there_is_room_to_move_in_but_not_beyond():
+def test_a_scan_frees_its_own_space_and_no_more():
     robot = robot_on(TABLE, over())
     before = Known(gripper(), [robot.sensed])
     assert not before.holds(gripper().body, over(x=0.005, y=0.005)[None], 0.0)
@@ -77,7 +77,7 @@ def test_after_a_look_there_is_room_to_move_in_but_not_beyond():
     ("away", "turn"),
     [(0.05, 0.5), *(pytest.param(*at, marks=pytest.mark.slow) for at in ((0.04, 1.2), (0.04, 2.0), (0.05, 2.0)))],
 )
-def test_a_post_that_no_beam_has_met_is_not_run_into(away, turn):
+def test_a_post_that_no_beam_hit_is_avoided(away, turn):
     """A post of 10 mm beside the place, higher than the hand's tips come: each of these was run at before."""
     foot = np.array([0.06, 0.04]) + away * np.array([np.cos(turn), np.sin(turn)])
     scene = Scene.of(

@@ -1,4 +1,4 @@
-"""Which flat patches explain what was met, and where on them the hand may stand."""
+"""Flat patches that explain the hits, and the allowed places of the hand on them."""
 
 import math
 
@@ -21,10 +21,10 @@ def seen(points, eye, sd=4e-4, degrees=5.0, seed=0):
     ranges = np.linalg.norm(ways, axis=1)
     beams = ways / ranges[:, None]
     spot = rng.normal(size=points.shape) * 0.5 * ranges[:, None] * math.tan(math.radians(degrees))
-    aside = spot - np.sum(spot * beams, axis=1)[:, None] * beams
+    across = spot - np.sum(spot * beams, axis=1)[:, None] * beams
     # the echo comes from beside the axis: met on a level face, it is farther or nearer than the axis
     ranges = (
-        ranges - (aside @ UP) / np.where(np.abs(beams[:, 2]) > 0.1, beams[:, 2], 1.0) + sd * rng.normal(size=len(ways))
+        ranges - (across @ UP) / np.where(np.abs(beams[:, 2]) > 0.1, beams[:, 2], 1.0) + sd * rng.normal(size=len(ways))
     )
     n = len(points)
     slopes = np.full(n, math.tan(math.radians(degrees)))

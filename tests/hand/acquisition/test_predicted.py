@@ -28,7 +28,7 @@ def guesses(part, kind, towards=UP, covariance=NONE):
 
 
 def on_face(part, surface, name, point, normal):
-    """Whether a place of the world is on that face, met first along its normal."""
+    """Return whether a point of the world is on a face and the first hit along its normal."""
     T = SE3.inverse(POSE)
     p, n = SE3.apply(T, point), T[:3, :3] @ normal
     hit = surface.cast(p + 0.5 * n, -n)
@@ -36,7 +36,7 @@ def on_face(part, surface, name, point, normal):
     return face.name == name and abs(float(hit.distances) - 0.5) < 1e-9
 
 
-def test_faces_look_to_the_hand_and_are_met_first(bracket):
+def test_faces_point_to_the_hand_and_are_hit_first(bracket):
     found = guesses(bracket[0], "plane")
     assert [p.value for p in found] == sorted((p.value for p in found), reverse=True)
     assert {p.name for p in found} == {"face 6", "face 1", "face 10", "face 4"}  # up, and the rib's slope

@@ -70,8 +70,8 @@ def test_a_guess_of_no_radius_is_refused(wrong):
 
 
 @pytest.mark.parametrize("corners", [3, 4, 5, 6])
-def test_no_polygon_looks_like_a_circle_where_rims_are_crossed(corners):
-    """Its harmonic at the places is none of a circle that is larger, or a little aside."""
+def test_no_polygon_passes_for_a_circle_at_crossed_rims(corners):
+    """Its harmonic at the sampled places is not that of a larger or slightly shifted circle."""
     count = sense_circle.__globals__["ENOUGH"]
     turn = np.radians(sense_circle.__globals__["ANGLES"][:count])
     circle = np.linalg.qr(np.column_stack([np.ones(count), np.cos(turn), np.sin(turn)]))[0]

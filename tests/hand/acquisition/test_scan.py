@@ -1,4 +1,4 @@
-"""A scan: what is not one plane is not taken for one, and where there is little room it is narrower."""
+"""A scan: several planes are not taken for one, and a small clearance makes the scan narrower."""
 
 import math
 
@@ -29,7 +29,7 @@ RULES = Rules(clearance=0.6 * STANDOFF)
 
 
 def over(y, turn, tilt=0.0, height=STANDOFF):
-    """The hand over (0, y), turned about its axis and then tilted about x."""
+    """Return the pose of the hand over (0, y), rotated about its axis and then tilted about x."""
     R = SO3.axis_rotation(0, tilt) @ np.diag([1.0, -1.0, -1.0]) @ SO3.axis_rotation(2, turn)
     return SE3.from_parts(R, np.array([0.0, y, height]) - R @ gripper().front)
 
@@ -58,7 +58,7 @@ def test_beside_a_bend_the_plane_is_that_of_its_own_side():
 
 
 def test_in_a_trench_the_scan_is_narrower():
-    """Fingers of 8 mm and a clearance of 12 mm between walls 37 mm away: there is no room for 15 mm to each side."""
+    """Fingers of 8 mm and a clearance of 12 mm between walls 37 mm away leave no space for 15 mm to each side."""
     walls = [box("left", [-0.1, 0.037, 0], [0.1, 0.06, 0.015]), box("right", [-0.1, -0.06, 0], [0.1, -0.037, 0.015])]
     scene = Scene.of([box("floor", [-0.1, -0.06, -0.02], [0.1, 0.06, 0.0]), *walls])
     robot = SimulatedHand(scene, gripper(), over(0.0, 0.1, height=0.07), rng=np.random.default_rng(2))
@@ -71,8 +71,8 @@ def test_in_a_trench_the_scan_is_narrower():
     assert clearances(scene, gripper().body, np.array(robot.truth)).min() > 0.008
 
 
-def test_the_hand_turns_square_where_it_knows_that_it_has_room():
-    """Ten degrees take the upper ends of the fingers 15 mm aside, where no beam has been; after a look they may."""
+def test_the_hand_turns_square_where_clearance_is_known():
+    """Ten degrees move the upper ends of the fingers by 15 mm, where no beam has been; after a scan they may."""
     scene = Scene.of([box("plate", [-0.1, -0.1, -0.02], [0.1, 0.1, 0.0])])
     T = over(0.0, 0.0, height=0.03) @ SE3.exp([0, 0, 0, 0, math.radians(10), 0])
     robot = SimulatedHand(scene, gripper(), T, rng=np.random.default_rng(0))

@@ -13,9 +13,7 @@ SENSE = {"plane": sense_plane, "edge": sense_edge}
     ("kind", "seed", "k"),
     [
         pytest.param("plane", 501, 47, id="a narrow face beside the one that is meant comes first"),
-        pytest.param(
-            "edge", 502, 75, id="there is no room for the hand at one of three places", marks=pytest.mark.slow
-        ),
+        pytest.param("edge", 502, 75, id="the hand does not fit at one of three places", marks=pytest.mark.slow),
     ],
 )
 def test_another_attempt_is_made(kind, seed, k):

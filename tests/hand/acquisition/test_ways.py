@@ -24,18 +24,18 @@ def session_on(*solids):
 
 
 def farthest(log):
-    """How far any sphere of the body went from where it was first [m]."""
+    """Return the largest displacement of any sphere of the body from its start [m]."""
     centres = gripper().body.placed(np.array([s.T_world_hand for s in log]))
     return float(np.linalg.norm(centres - centres[0], axis=-1).max())
 
 
-def test_first_looks_swing_as_far_as_free_later_ones_farther():
+def test_first_scans_swing_within_free_space_later_ones_more():
     session, _ = session_on()
     assert scan_surroundings(session, TILT, SPACING).reached
     assert scan_surroundings(session, TILT, SPACING).reached
     assert all(0.015 < farthest(motion.log) < SWING for motion in session.motions)
-    aside = SE3.from_parts(OVER[:3, :3], OVER[:3, 3] + [0.001, 0.0, 0.0])
-    assert session.does(go_to(session.robot, aside, session.rules)).reached
+    shifted = SE3.from_parts(OVER[:3, :3], OVER[:3, 3] + [0.001, 0.0, 0.0])
+    assert session.does(go_to(session.robot, shifted, session.rules)).reached
     assert scan_surroundings(session, TILT, SPACING).reached
     assert farthest(session.motions[-1].log) > 0.026
 

@@ -1,4 +1,4 @@
-"""Where a surface bends away instead of ending, a crossing says so and makes no edge of it."""
+"""Where a surface bends away instead of ending, a crossing reports the bend and no edge."""
 
 import math
 
@@ -12,7 +12,7 @@ from tanteo.hand.motion.track import STEEP, Track
 
 
 def crossing(scene, standoff=0.02, seed=0):
-    """From 15 mm before y = 0, out over it."""
+    """Return a motion from 15 mm before y = 0 across it."""
     R = np.diag([1.0, -1.0, -1.0]) @ SO3.exp(np.array([0.01, -0.01, 0.0]))
     T = SE3.from_parts(R, np.array([0.0, -0.015, standoff]) - R @ gripper().front)
     robot = SimulatedHand(scene, gripper(), T, rng=np.random.default_rng(seed))
@@ -20,7 +20,7 @@ def crossing(scene, standoff=0.02, seed=0):
 
 
 def across(event):
-    """Where the sensor's beam then met the surface, across the edge [m]."""
+    """Return where the sensor's beam hit the surface, across the edge [m]."""
     local = gripper().origins[event.sensor] + event.distance * gripper().axes[event.sensor]
     return SE3.apply(event.T_world_hand, local)[1]
 

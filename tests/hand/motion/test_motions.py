@@ -38,7 +38,7 @@ PLATE = Scene.of([box("plate", [-0.1, -0.1, -0.02], [0.1, 0.1, 0.0])])
 
 
 def over(x=0.0, y=0.0, height=0.06, tilt=(0.0, 0.0, 0.0)):
-    """The hand looking down, its front over a place, turned about its front."""
+    """Return the pose of the hand that points down, its front above a place, rotated about its front."""
     R = np.diag([1.0, -1.0, -1.0]) @ SO3.exp(np.array(tilt))
     return SE3.from_parts(R, np.array([x, y, height]) - R @ gripper().front)
 
@@ -123,7 +123,7 @@ def test_a_lateral_sensor_stops_the_hand():
 
 
 @pytest.mark.parametrize("tilt", [-0.5, -0.1, 0.0, 0.3, 0.5])
-def test_settling_is_square_in_the_plane_of_the_pair(tilt):
+def test_alignment_is_square_in_the_plane_of_the_pair(tilt):
     robot = robot_on(PLATE, over(height=0.03, tilt=(0, tilt, 0)))
     assert align(robot, STANDOFF, RULES).reached
     assert abs(math.asin(robot.truth[-1][2, 0])) < math.radians(2)
@@ -131,7 +131,7 @@ def test_settling_is_square_in_the_plane_of_the_pair(tilt):
     assert least(PLATE, robot) > 0.5 * STANDOFF
 
 
-def test_where_the_hand_will_settle_is_known_beforehand():
+def test_the_end_pose_of_an_alignment_is_predicted():
     robot = robot_on(PLATE, over(height=0.03, tilt=(0, 0.3, 0)))
     expected = aligned_pose(gripper(), robot.sensed, STANDOFF)
     assert align(robot, STANDOFF, RULES).reached
@@ -141,7 +141,7 @@ def test_where_the_hand_will_settle_is_known_beforehand():
     assert aligned_pose(gripper(), robot_on(PLATE, over(x=0.1)).sensed, STANDOFF) is None
 
 
-def test_settling_needs_both_sensors():
+def test_alignment_needs_both_sensors():
     assert align(robot_on(PLATE, over(x=0.1)), STANDOFF, RULES).status == "lost"
 
 
@@ -173,7 +173,7 @@ def test_following_a_flat_face_ends_where_it_bends_away(bend):
     assert -0.04 < front_of(robot)[0] < 0.0
 
 
-def test_settling_does_not_turn_into_a_step():
+def test_alignment_does_not_turn_into_a_step():
     """One sensor over a face, the other over the floor of a slot beside it: the hand stays out of it."""
     solids = [box("floor", [-0.2, -0.2, -0.09], [0.2, 0.2, -0.05]), box("block", [-0.1, -0.1, -0.05], [0.005, 0.1, 0])]
     scene = Scene.of(solids)
@@ -194,8 +194,8 @@ def test_following_ends_with_the_surface():
         follow(robot, [0, 0, 1], 0.1, STANDOFF, RULES)
 
 
-def test_edge_events_are_unbiased_and_as_sure_as_they_say():
-    """Against the true edge, with the errors that stay of every unit set aside by looking at one unit's scatter."""
+def test_edge_events_are_unbiased_and_follow_their_variance():
+    """The true edge is the reference; the errors that each unit keeps are removed by the scatter of one unit."""
     standard = []
     for seed in range(30):
         robot = robot_on(PLATE, over(x=0.0, y=0.08 + 0.0002 * (seed % 7), height=STANDOFF), seed=seed)
@@ -235,8 +235,8 @@ def test_the_sd_of_an_event_against_its_integral():
     starts = -3.0 - stride * rng.random(n)
     places = starts[:, None] + stride * np.arange(90)
     radius, angle = np.sqrt(rng.random(places.shape)), 2 * np.pi * rng.random(places.shape)
-    met = places + spot * radius * np.cos(angle) < 0
-    estimates = starts - 0.5 * stride + stride * met.sum(axis=1)
+    hit = places + spot * radius * np.cos(angle) < 0
+    estimates = starts - 0.5 * stride + stride * hit.sum(axis=1)
     assert abs(estimates.mean()) < 5 * crossing_sd(stride, spot) / math.sqrt(n)
     assert estimates.std() == pytest.approx(crossing_sd(stride, spot), rel=0.02)
 
@@ -277,7 +277,7 @@ def test_to_a_pose():
     assert least(PLATE, robot) > 0.5 * STANDOFF
 
 
-def test_a_look_comes_back_and_sweeps_all_round():
+def test_a_scan_returns_and_sweeps_a_full_circle():
     robot = robot_on(PLATE, over())
     motion = spiral_scan(robot, 0.25, RULES)
     assert motion.reached
@@ -296,7 +296,7 @@ def test_rules_must_be_positive(name):
         Rules(**({"clearance": 0.01} | {name: 0.0}))
 
 
-def test_a_slanted_solid_is_met_where_it_is():
+def test_a_slanted_solid_is_hit_at_its_place():
     """The truth of a tilted plate, felt square: its own frame is found again."""
     T = SE3.from_parts(SO3.axis_rotation(1, 0.3), np.array([0, 0, 0.01]))
     plate = box("plate", [-0.1, -0.1, -0.02], [0.1, 0.1, 0.0])

@@ -1,4 +1,4 @@
-"""What slows a command down, by a robot that says what it is told to say."""
+"""Reductions of a commanded speed, by a robot with prescribed observations."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_the_way_left_beyond_the_clearance_sets_the_speed():
 
 
 class Blinking(Observation):
-    """A robot that moves as it is told, before a thing of which an echo comes at every so-manieth reading only."""
+    """A robot that follows its commands, before an object whose echo comes at every n-th reading only."""
 
     def __init__(self, distance, every):
         super().__init__(HIT, distance)
@@ -91,7 +91,7 @@ def test_what_gives_no_echo_any_more_is_forgotten():
     assert np.isinf(run.free_range).all()
 
 
-def test_a_box_ahead_of_body_slows_it_and_one_behind_does_not():
+def test_a_box_ahead_slows_the_body_and_one_in_its_back_not():
     robot = Observation(FREE)
     top = (robot.hand.body.centres[:, 2] + robot.hand.body.radii).max()
     for place, slowed in ((top + 0.0105, True), (-1.0, False)):

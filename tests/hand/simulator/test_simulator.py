@@ -1,4 +1,4 @@
-"""The simulated hand: it moves as commanded, senses the truth with the stated errors, and knows no estimator."""
+"""The simulated hand: it moves as commanded, senses the truth with the stated errors, and uses no estimator."""
 
 import subprocess
 import sys
@@ -70,7 +70,7 @@ def test_states(table):
     assert LOST in robot_on(table, T=tilted).sensed.states
 
 
-def test_what_is_read_varies_as_the_model_says(table):
+def test_readings_vary_with_the_variance_of_the_model(table):
     """Over units: bias, scale and mounting; from reading to reading: noise and the place in the cone."""
     hand = gripper()
     T = SE3.from_parts(DOWN[:3, :3] @ SO3.exp([0.3, 0.2, 0]), np.array([0, 0, 0.15]))
@@ -152,7 +152,7 @@ def test_cells_that_are_none(values):
         Cell(**values)
 
 
-def test_the_simulator_knows_no_estimator():
+def test_the_simulator_imports_no_estimator():
     code = (
         "import sys, tanteo.hand, tanteo.hand;"
         "print([m for m in sys.modules if m.split('.')[1:2] and m.split('.')[0] == 'tanteo' and m.split('.')[1] in "

@@ -1,4 +1,4 @@
-"""Whatever becomes of a sample, it is read or refused with the file's name: never another exception, never a hang."""
+"""A damaged sample is read or refused with the file's name: never another exception, never a hang."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tanteo.io import read_readings
 
 
 def spoiled(data: bytes, rng: np.random.Generator) -> bytes:
-    """The sample with a few bytes changed, left out, or repeated."""
+    """Return the sample with a few bytes changed, removed or repeated."""
     out = bytearray(data)
     for _ in range(rng.integers(1, 6)):
         k, n = int(rng.integers(0, max(len(out), 1))), int(rng.integers(1, 30))
@@ -29,7 +29,7 @@ def spoiled(data: bytes, rng: np.random.Generator) -> bytes:
 
 @pytest.mark.parametrize("case", CASES)
 def test_spoiled_samples_are_read_or_refused(tmp_path, case):
-    name, content, said = CASES[case]
+    name, content, stated = CASES[case]
     data = content if isinstance(content, bytes) else content.encode()
     rng = np.random.default_rng(len(data))
     path = tmp_path / "log"
@@ -37,7 +37,7 @@ def test_spoiled_samples_are_read_or_refused(tmp_path, case):
         path.write_bytes(spoiled(data, rng))
         readings, complaint = None, ""
         try:
-            readings = read_readings(path, format=name if k % 2 else None, **said)
+            readings = read_readings(path, format=name if k % 2 else None, **stated)
         except InputError as error:
             complaint = str(error)
         assert (readings is not None) != complaint.startswith(str(path)), complaint

@@ -1,4 +1,4 @@
-"""Each format, from a small sample of our own: the same four points, whoever wrote them."""
+"""Each format, from a small sample of our own: the same four points from every program."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from tanteo.io import FORMATS, Contents, read_readings, recognise
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_same_points_whoever_wrote_them(tmp_path, case):
-    name, content, said = CASES[case]
+    name, content, stated = CASES[case]
     path = save(tmp_path, content)
     found = recognise(Contents(path.read_bytes()))
     assert (found.name if found else "csv") == name
-    readings = read_readings(path, **said)
+    readings = read_readings(path, **stated)
     np.testing.assert_allclose(readings.points, P / 1000, atol=2e-7)
     assert len(set(readings.ids)) == 4
-    again = read_readings(path, format=name, **said)
+    again = read_readings(path, format=name, **stated)
     np.testing.assert_array_equal(again.points, readings.points)
 
 
 @pytest.mark.parametrize("case", ["fusion", "xyzijk", "dmis", "qif", "csv of XYZIJK"])
 def test_vectors_out_of_the_material_are_approached_against(tmp_path, case):
-    _, content, said = CASES[case]
+    _, content, stated = CASES[case]
     path = save(tmp_path, content)
-    readings = read_readings(path, **said)
+    readings = read_readings(path, **stated)
     np.testing.assert_allclose(readings.directions, -UP, atol=1e-6)
     assert any("--direction ijk" in note for note in readings.notes)
-    turned = read_readings(path, direction="ijk", **said)
+    turned = read_readings(path, direction="ijk", **stated)
     np.testing.assert_allclose(turned.directions, UP, atol=1e-6)
-    down = read_readings(path, direction="down", **said)
+    down = read_readings(path, direction="down", **stated)
     np.testing.assert_allclose(down.directions, [[0, 0, -1]] * 4, atol=1e-6)
 
 
-def test_vectors_that_point_inwards_are_asked_about(tmp_path):
+def test_inward_vectors_raise_a_question(tmp_path):
     away = P - P.mean(axis=0)
     inwards = -away / np.linalg.norm(away, axis=1, keepdims=True)
     path = save(tmp_path, rows(np.c_[P, inwards]))
@@ -47,12 +47,12 @@ def test_vectors_that_point_inwards_are_asked_about(tmp_path):
 
 @pytest.mark.parametrize("case", ["fanuc", "kuka", "abb", "ur"])
 def test_positions_of_robots_are_poses_with_a_tool(tmp_path, case):
-    _, content, said = CASES[case]
+    _, content, stated = CASES[case]
     path = save(tmp_path, content)
-    readings = read_readings(path, **said)
+    readings = read_readings(path, **stated)
     np.testing.assert_allclose(readings.Ts_world_hand, POSES, atol=2e-6)
     assert any("--tool" in note for note in readings.notes)
-    tipped = read_readings(path, tool="0,0,100mm", direction="tool", **said)
+    tipped = read_readings(path, tool="0,0,100mm", direction="tool", **stated)
     np.testing.assert_allclose(tipped.points, P / 1000 + 0.1 * R[:, :, 2], atol=2e-6)
     np.testing.assert_allclose(tipped.directions, R[:, :, 2], atol=2e-6)
 
@@ -72,15 +72,15 @@ def test_positions_of_robots_are_poses_with_a_tool(tmp_path, case):
         ("csv of a spreadsheet", ["decimal commas"]),
     ],
 )
-def test_what_was_left_out_is_said(tmp_path, case, notes):
-    _, content, said = CASES[case]
-    got = read_readings(save(tmp_path, content), **said).notes
+def test_excluded_rows_are_reported(tmp_path, case, notes):
+    _, content, stated = CASES[case]
+    got = read_readings(save(tmp_path, content), **stated).notes
     for note in notes:
         assert any(note in one for one in got), got
 
 
 @pytest.mark.parametrize(
-    ("case", "said", "message"),
+    ("case", "stated", "message"),
     [
         (
             "linuxcnc",
@@ -100,10 +100,10 @@ def test_what_was_left_out_is_said(tmp_path, case, notes):
         ("dmis", {"tool": [0, 0, 0.1]}, "expected --tool with poses of the hand"),
     ],
 )
-def test_what_is_lacking_or_too_much_is_named(tmp_path, case, said, message):
+def test_what_is_lacking_or_too_much_is_named(tmp_path, case, stated, message):
     _, content, _ = CASES[case]
     with pytest.raises(InputError) as caught:
-        read_readings(save(tmp_path, content), **said)
+        read_readings(save(tmp_path, content), **stated)
     assert message in str(caught.value)
 
 
@@ -169,8 +169,8 @@ def test_a_dense_cloud_is_drawn_from(tmp_path):
 def test_a_viewpoint_gives_the_direction(tmp_path):
     path = save(tmp_path, rows(P))
     readings = read_readings(path, units="mm", direction="from:0,0,500mm")
-    looked = P - [0, 0, 500]
-    np.testing.assert_allclose(readings.directions, looked / np.linalg.norm(looked, axis=1, keepdims=True), atol=1e-9)
+    beams = P - [0, 0, 500]
+    np.testing.assert_allclose(readings.directions, beams / np.linalg.norm(beams, axis=1, keepdims=True), atol=1e-9)
 
 
 def test_normals_count_when_their_spread_is_stated(tmp_path):
@@ -186,7 +186,7 @@ def test_an_unknown_format_lists_all(tmp_path):
         read_readings(save(tmp_path, console()), format="gbrl")
 
 
-def test_the_table_of_formats_says_what_each_is():
+def test_the_table_of_formats_describes_each():
     assert all(row.name == name and row.words for name, row in FORMATS.builtin.items())
     assert issubclass(UnitError, InputError)
 

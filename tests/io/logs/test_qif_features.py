@@ -16,7 +16,7 @@ SIDES = {"1": "INTERNAL", "2": "EXTERNAL", "3": "NOT_APPLICABLE"}
 
 
 def document(measured, *, modes=None, extra=""):
-    """A document with these measurements; each ``item`` refers to a nominal and a definition of its number."""
+    """Return a document with these measurements; each ``item`` refers to a nominal and a definition of its number."""
     items = "".join(
         f'<CircleFeatureItem id="i{k}"><FeatureNominalId>n{k}</FeatureNominalId><FeatureName>F{k}</FeatureName>'
         f"<DeterminationMode><{(modes or {}).get(k, 'Checked')}/></DeterminationMode></CircleFeatureItem>"
@@ -86,7 +86,7 @@ def test_features_of_a_point_set_do_not_count_twice(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("inner", "said"),
+    ("inner", "message"),
     [
         ("<Location>1 2 3</Location><Diameter>0</Diameter>", "a positive diameter"),
         ("<Location>1 2 3</Location><Diameter>wide</Diameter>", "Diameter"),
@@ -94,8 +94,8 @@ def test_features_of_a_point_set_do_not_count_twice(tmp_path):
         ("<Location>1 2</Location><Diameter>3</Diameter>", "three numbers of Location"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(tmp_path, inner, said):
-    with pytest.raises(ReadingsError, match=said):
+def test_what_cannot_be_meant_is_refused(tmp_path, inner, message):
+    with pytest.raises(ReadingsError, match=message):
         read(tmp_path, document(feature("Circle", inner)))
 
 

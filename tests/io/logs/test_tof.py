@@ -89,7 +89,7 @@ def test_a_grid_without_status_and_one_of_four_rows(tmp_path):
 
 
 def objects(capture, distances, confidences):
-    """One line of the TMF8828's driver: 36 results, of which 9, 18, 27 and 36 are of the reference."""
+    """Return one line of the TMF8828's driver: 36 results, where 9, 18, 27 and 36 belong to the reference."""
     pairs = np.stack([distances, confidences], axis=1).ravel()
     return f"#Obj,65,{capture},18,18,388525," + ",".join(map(str, pairs)) + "\n"
 
@@ -122,7 +122,7 @@ def test_a_frame_of_distances_and_one_of_confidences(tmp_path):
     assert readings.sensors[:2] == ("tof.1.1", "tof.1.3")
 
 
-def test_what_a_frame_lacks_is_asked_for(tmp_path):
+def test_missing_facts_of_a_frame_are_requested(tmp_path):
     path = save(tmp_path, lines(DISTANCES, STATUS))
     with pytest.raises(InputError, match=r"expected --rig and --hand with frames of a multi-zone.*--hand '400"):
         read_readings(path)

@@ -41,12 +41,12 @@ def part(parts):
 
 @pytest.fixture(scope="module")
 def jobs(part):
-    upright, behind = job_for(part, stylus=[0, 0, 1]), job_for(part, stylus_along_motion=True)
-    return {name: upright if name in AXES_3 else behind for name in PROGRAMS.builtin}
+    upright, side = job_for(part, stylus=[0, 0, 1]), job_for(part, stylus_along_motion=True)
+    return {name: upright if name in AXES_3 else side for name in PROGRAMS.builtin}
 
 
 def expected_gap(part, points):
-    """Of the ball's centre from the part where it is expected, signed [m]."""
+    """Return the signed distance of the ball's centre from the part at its expected pose [m]."""
     surface = Surface(part.vertices, part.triangles)
     return signed_distance(surface, SE3.apply(SE3.inverse(T_EXPECTED), np.atleast_2d(points)))[0]
 
@@ -61,7 +61,7 @@ def test_the_ball_stops_where_it_touches(jobs, part):
         assert (touch.stop - touch.contact) @ touch.direction >= 2e-3
 
 
-def test_the_stylus_has_room_above_the_ball(jobs, part):
+def test_the_stylus_has_clearance_above_the_ball(jobs, part):
     """All the way from start to contact, half as thick as the ball."""
     for touch in jobs["grbl"].touches:
         for share in np.linspace(0, 1, 7):
@@ -71,7 +71,7 @@ def test_the_stylus_has_room_above_the_ball(jobs, part):
         assert touch.direction[2] <= 1e-9
 
 
-def test_the_tool_of_a_robot_looks_along_the_motion(jobs, part):
+def test_the_tool_of_a_robot_points_along_the_motion(jobs, part):
     for touch in jobs["ur"].touches:
         np.testing.assert_allclose(touch.tool[:, 2], touch.direction, atol=1e-9)
         np.testing.assert_allclose(touch.tool @ touch.tool.T, np.eye(3), atol=1e-9)
@@ -145,7 +145,7 @@ def test_robot_programs_are_the_planned_touches(name, jobs, part):
     for a, b in pairwise(places):
         way = a[:3, 3] + np.linspace(0, 1, 60)[:, None] * (b[:3, 3] - a[:3, 3])
         assert expected_gap(part, way).min() > CLEARANCE - 1e-3
-        assert min(a[2, 2], b[2, 2]) <= 1e-6  # the tool never looks up
+        assert min(a[2, 2], b[2, 2]) <= 1e-6  # the tool never points up
 
 
 @pytest.mark.parametrize("name", AXES_3)
@@ -199,7 +199,7 @@ def test_lines_are_short_enough(jobs):
 
 
 @pytest.mark.parametrize("name", PROGRAMS.builtin)
-def test_every_program_says_what_it_assumes(name, jobs):
+def test_every_program_states_its_assumptions(name, jobs):
     text = " ".join(re.sub(r"\n[ \d:;!#()]*", " ", write_program(name, jobs[name])).replace(" ; ", " ").split())
     for words in ("tanteo plan", "bracket_left", "radius 1.5 mm", "log:", "frame"):
         assert words in text

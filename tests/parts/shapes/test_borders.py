@@ -15,7 +15,7 @@ def box(*sides):
 
 
 def angle():
-    """An L-shaped bar: one reflex edge, and two ends with a reflex corner each."""
+    """Return an L-shaped bar: one reflex edge, and two ends with a reflex corner each."""
     outline = np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]], dtype=float)
     caps = np.array([[0, 1, 3], [1, 2, 3], [0, 3, 5], [3, 4, 5]])
     n = len(outline)
@@ -119,7 +119,7 @@ def test_a_face_that_goes_on_past_a_gap_has_only_a_seam_there():
     assert line[outer][upward[outer]].all()
 
 
-def test_a_face_knows_how_far_it_reaches():
+def test_a_face_has_its_extent():
     found = borders(box(1.0, 2.0, 3.0))
     widths = found.junctions.take(np.arange(len(found.edges))).widths[:, :2, 0]
     np.testing.assert_allclose(np.unique(widths.round(9)), [1.0, 2.0, 3.0])

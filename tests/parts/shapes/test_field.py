@@ -27,7 +27,7 @@ def sphere():
 
 
 def icosphere(levels, radius=0.04):
-    """A sphere of small triangles."""
+    """Return a sphere of small triangles."""
     g = (1 + np.sqrt(5)) / 2
     v = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g), (0, -1, -g), (0, 1, -g)]
     v = np.array([*v, (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)], dtype=float)

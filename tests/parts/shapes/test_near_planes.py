@@ -18,7 +18,7 @@ def surface(request):
     return Surface(part.vertices, part.triangles)
 
 
-def around(surface, n, rng):
+def points_near(surface, n, rng):
     """Points near the surface and far from it, inside and outside, most of them within a tenth of its size."""
     corners = surface.vertices[surface.triangles]
     on = np.einsum("nk,nki->ni", rng.dirichlet(np.ones(3), n), corners[rng.integers(len(corners), size=n)])
@@ -28,7 +28,7 @@ def around(surface, n, rng):
 
 def test_distances_and_gradients_are_those_of_the_tree(surface):
     rng = np.random.default_rng(0)
-    points = around(surface, 20_000, rng).reshape(100, 200, 3)
+    points = points_near(surface, 20_000, rng).reshape(100, 200, 3)
     phi, g, triangles = nearest(surface, near_planes(surface, distance_field(surface)), points)
     exact, gradient = signed_distance(surface, points)
     np.testing.assert_allclose(phi, exact, atol=1e-9)
@@ -43,7 +43,7 @@ def test_most_points_near_a_part_of_planes_need_no_tree():
     part = read_part(EXAMPLES / "block.step")
     surface = Surface(part.vertices, part.triangles)
     planes = near_planes(surface, distance_field(surface))
-    points = around(surface, 5_000, np.random.default_rng(1))
+    points = points_near(surface, 5_000, np.random.default_rng(1))
     holds = planes(points)[3]
     assert holds.mean() > 0.4
 
@@ -52,6 +52,6 @@ def test_a_mesh_that_is_open_leaves_everything_to_the_tree():
     part = read_part(EXAMPLES / "block.step")
     surface = Surface(part.vertices, part.triangles[1:])
     planes = near_planes(surface, distance_field(surface))
-    points = around(surface, 1_000, np.random.default_rng(2))
+    points = points_near(surface, 1_000, np.random.default_rng(2))
     assert not planes(points)[3].any()
     np.testing.assert_array_equal(nearest(surface, planes, points)[0], signed_distance(surface, points)[0])

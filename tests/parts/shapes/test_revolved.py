@@ -13,18 +13,18 @@ KINDS = {"cylinder": (0.03, 0.0, 0.0), "cone": (0.0, 0.4, 0.0), "sphere": (0.0, 
 
 def surface_of(kind, u, v):
     """Points and outward normals of a convex surface about z at the origin, by its own equations."""
-    around, up = np.stack([np.cos(u), np.sin(u), 0 * u], axis=-1), np.array([0.0, 0.0, 1.0])
+    radial, up = np.stack([np.cos(u), np.sin(u), 0 * u], axis=-1), np.array([0.0, 0.0, 1.0])
     if kind == "cylinder":
-        return 0.03 * around + 0.1 * v[:, None] * up, around
+        return 0.03 * radial + 0.1 * v[:, None] * up, radial
     if kind == "cone":
         height = 0.06 + 0.03 * v[:, None]
-        return height * (up + np.tan(0.4) * around), np.cos(0.4) * around - np.sin(0.4) * up
-    n = np.cos(v)[:, None] * around + np.sin(v)[:, None] * up
-    return (0.05 * n, n) if kind == "sphere" else (0.06 * around + 0.02 * n, n)
+        return height * (up + np.tan(0.4) * radial), np.cos(0.4) * radial - np.sin(0.4) * up
+    n = np.cos(v)[:, None] * radial + np.sin(v)[:, None] * up
+    return (0.05 * n, n) if kind == "sphere" else (0.06 * radial + 0.02 * n, n)
 
 
 def placed(kind, sign, count):
-    """That surface with its axis along (2, 3, 6) / 7 through a point that is not the origin, so many rows."""
+    """Return the surface with its axis along (2, 3, 6) / 7 through a point off the origin, for a number of rows."""
     axis, point = np.array([2.0, 3.0, 6.0]) / 7, np.array([0.1, -0.2, 0.05])
     x = np.cross(axis, [1.0, 0.0, 0.0])
     x /= np.linalg.norm(x)
@@ -70,7 +70,7 @@ def test_on_the_axis_there_is_no_gradient_and_the_mesh_stays():
 
 
 def tube(count=24, radius=0.03, height=0.1):
-    """A prism with that many sides, and its ends, about z."""
+    """Return a prism with that many sides, and its ends, about z."""
     u = 2 * np.pi * np.arange(count) / count
     ring = radius * np.stack([np.cos(u), np.sin(u)], axis=1)
     vertices = np.concatenate([np.c_[ring, 0 * u], np.c_[ring, height + 0 * u], [[0, 0, 0], [0, 0, height]]])
@@ -115,7 +115,7 @@ def test_a_prism_of_few_sides_may_be_one():
     assert exact_tube(0.03, count=18)[1] is not None
 
 
-def test_a_bore_is_told_by_its_triangles():
+def test_a_bore_is_recognized_from_its_triangles():
     surface, rows = tube()
     profile = Profiles(np.zeros((1, 3)), np.array([[0.0, 0, 1]]), np.array([0.03]), *np.zeros((2, 1)), np.ones(1))
     flipped = Surface(surface.vertices, surface.triangles[:, ::-1])

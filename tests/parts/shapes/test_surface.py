@@ -55,7 +55,7 @@ def test_the_closest_point_lies_on_the_named_triangle(box):
 
 
 @pytest.mark.parametrize("far", [0.0, 0.2, 50.0])
-def test_rays_hit_where_slab_formula_says_to_double_precision(box, far):
+def test_ray_hits_equal_the_slab_formula_to_double_precision(box, far):
     rng = np.random.default_rng(3)
     targets = 1.0 + rng.uniform(-0.02, 0.09, (500, 3))
     directions = rng.normal(size=(500, 3))

@@ -1,4 +1,4 @@
-"""A hand keeps clear of the true part whatever the belief makes of it, and of no pose that readings rule out."""
+"""A hand keeps clear of the true part for every posterior, and of no pose that readings rule out."""
 
 from __future__ import annotations
 

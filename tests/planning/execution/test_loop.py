@@ -1,4 +1,4 @@
-"""A hand senses a part that nobody told it of: right, in place, and never in contact."""
+"""A hand senses a part at an unknown pose: right, in place, and never in contact."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def test_the_part_is_named_and_placed_without_contact(targets, number):
     assert tuple(seen) == done.visits
     assert (np.diff([v.seconds for v in seen]) >= 0).all()
     assert 0 < done.travel < 0.3 * done.seconds
-    told = sum(len(v.step.ids) for v in seen if v.step is not None)
-    assert session.count == told
+    given = sum(len(v.step.ids) for v in seen if v.step is not None)
+    assert session.count == given
     assert all(v.step.action is v.action for v in seen if v.step is not None)  # the hand is not quite where it was sent
 
 
@@ -48,7 +48,7 @@ def test_the_same_seed_gives_the_same_run(targets):
     np.testing.assert_array_equal(ends[0].state.poses, ends[1].state.poses)
 
 
-def test_without_room_it_ends_and_says_so(targets):
+def test_without_clearance_it_ends_with_that_reason(targets):
     unknown = unknown_scene(targets[:1], 0, np.random.default_rng(8))
     tight = replace(unknown.rules, workspace=Workspace(np.array([-1, -1, 0.32]), np.ones(3)))
     unknown = replace(unknown, rules=tight)
@@ -64,9 +64,9 @@ def test_without_room_it_ends_and_says_so(targets):
 
 
 @pytest.mark.slow
-def test_a_clamp_that_nobody_told_of_is_not_touched_by_fingers(targets):
-    """What a motion that cannot go on has met is told, and asked for in another way."""
-    unknown = unknown_scene(targets[:2], 1, np.random.default_rng(9), told=False)
+def test_fingers_do_not_touch_an_unstated_clamp(targets):
+    """The readings of a blocked motion are used, and the session plans another path."""
+    unknown = unknown_scene(targets[:2], 1, np.random.default_rng(9), given=False)
     session = unknown_session(unknown, max_measurements=24)
     done = run(unknown, session)
     assert done.visits

@@ -1,4 +1,4 @@
-"""An image starts the session: what it leaves open is asked for first, and where it is wrong the prior pose holds."""
+"""An image starts the session: open questions of the image come first, and where it is wrong the prior pose counts."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def steps():
 
 @pytest.fixture(scope="module")
 def twins(steps):
-    """An image of a part whose silhouette is its twin's: a step that a camera above hardly sees discriminates them."""
+    """An image of a part whose silhouette equals its twin's: the step between them is hardly visible from above."""
     image = read_image(EXAMPLES / "images" / "twins.png")
     return see_table(image, camera(), [target.part for target in steps], top=20)
 
@@ -165,7 +165,7 @@ def test_nothing_seen_is_rough_place_and_without_one_an_error(steps):
 
 
 def test_the_object_is_one_at_prior_and_never_known_furniture(steps):
-    """Three parts lie there; one is known and left out, and the prior pose says which of the others is meant."""
+    """Three parts lie there; one is known and excluded, and the prior pose selects one of the others."""
     image = read_image(EXAMPLES / "images" / "three_parts.png")
     regions = find_regions(image, find_edges(image))
     left = see_table(image, camera(), [steps[0].part], ignore=regions[0].mask)

@@ -1,4 +1,4 @@
-"""Bores that a hand acquires whole in a session: offered, asked for, told, kept in the record."""
+"""Bores that a hand acquires in one piece in a session: offered, planned, used, kept in the record."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def plates(tmp_path_factory):
 
 
 def session_about(unknown, targets, number, **stop) -> Session:
-    """Which of the plates it is, the pose being known to tenths of a millimetre; only whole features can be had."""
+    """Return a session that identifies a plate with a pose known to 0.1 mm from whole features only."""
     session = unknown_session(unknown)
     C = np.diag(np.repeat([2e-4, 1e-3], 3) ** 2)
     start = replace(
@@ -47,7 +47,7 @@ def session_about(unknown, targets, number, **stop) -> Session:
     )  # fmt: skip
 
 
-def test_where_no_reading_can_be_made_the_bore_is_asked_for(plates, tmp_path):
+def test_where_no_reading_is_possible_the_bore_is_planned(plates, tmp_path):
     unknown = unknown_scene(plates, 0, np.random.default_rng(1))
     session = session_about(unknown, plates, 0, probability=0.99)
     action = session.ask()
@@ -76,7 +76,7 @@ def test_what_the_hand_cannot_acquire_is_not_offered(plates):
 
 
 @pytest.mark.slow
-def test_a_hand_tells_two_plates_apart_by_their_bore(plates):
+def test_a_hand_distinguishes_two_plates_by_their_bore(plates):
     for number in range(2):
         unknown = unknown_scene(plates, number, np.random.default_rng((3, number)))
         session = session_about(unknown, plates, number, probability=0.99, max_measurements=300)

@@ -27,17 +27,17 @@ CHOICES = {
 """Values of fields that have a fixed set of them; the causes of a rim, a click and a feature differ by type."""
 
 
-def value(name, hint, count):
+def value(name, annotation, count):
     """Return a plausible value of a field, with as many names or numbers as there are readings."""
-    if hint is bool:
+    if annotation is bool:
         return count != 1
-    if hint is int:
+    if annotation is int:
         return count
-    if hint is float:
+    if annotation is float:
         return 1.25e-3
     if name in CHOICES:
         return CHOICES[name][count % len(CHOICES[name])]
-    if hint is str:
+    if annotation is str:
         return f"{name} a"
     if name == "goal":
         return findings.PlanGoal("wedge", "face 3" if count else "", 5e-4)
@@ -65,18 +65,18 @@ def value(name, hint, count):
         return findings.WorstReading("7", 4.2) if count else None
     if name == "units":
         return findings.UnitsQuestion(0.2, 2, 210.0, ("mm",)) if count else None
-    if hint == tuple[str, str]:
+    if annotation == tuple[str, str]:
         return ("wedge", "block")
-    assert "tuple[str, ...]" in str(hint), (name, hint)
+    assert "tuple[str, ...]" in str(annotation), (name, annotation)
     return tuple(f"{name} {k}" for k in range(count))
 
 
 def made(kind, count):
-    hints = typing.get_type_hints(kind)
-    values = {one.name: value(one.name, hints[one.name], count) for one in dataclasses.fields(kind)}
-    if typing.get_origin(hints.get("cause")) is typing.Literal:
-        values["cause"] = typing.get_args(hints["cause"])[count % 3]
-    if hints.get("cause") is Finding:
+    annotations = typing.get_type_hints(kind)
+    values = {one.name: value(one.name, annotations[one.name], count) for one in dataclasses.fields(kind)}
+    if typing.get_origin(annotations.get("cause")) is typing.Literal:
+        values["cause"] = typing.get_args(annotations["cause"])[count % 3]
+    if annotations.get("cause") is Finding:
         values["cause"] = findings.NoRanges()
     return kind(**values)
 
@@ -109,7 +109,7 @@ def test_a_message_has_all_but_the_questions():
     assert more.findings[:2] == found
 
 
-def test_documents_have_the_numbers_behind_the_words():
+def test_documents_have_the_numbers_of_the_text():
     scatter = findings.Scatter(2.5, 1.8, 3.4, findings.WorstReading("7", 4.2))
     document = recognition_document(Answer("unknown", (findings.NoPart(), scatter), (), 1.0))
     assert json.dumps(document)

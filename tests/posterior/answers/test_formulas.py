@@ -44,7 +44,7 @@ def wheel(tmp_path_factory):
 
 
 def turned_about(part, angle):
-    """The part's own spin, as a motion of its frame."""
+    """Return the rotation of the part about its own axis, as a motion of its frame."""
     point, axis = part.symmetry.axis
     return SE3.exp(angle * np.r_[np.cross(point, axis), axis])
 
@@ -97,7 +97,7 @@ def test_the_spin_of_a_round_part_is_no_error(wheel):
     assert np.abs(information @ scale @ spin).max() < 1e-6 * np.abs(information).max()
     left, rest = split_by_symmetry(wheel, spin[None], covariance_with_free(information, spin[None], scale))
     assert left.shape == (0, 6)
-    # what is left is what the information says across the spin
+    # the rest is the information across the spin
     rest_of = np.linalg.svd(spin[None])[2][1:]
     across, dual = rest_of @ scale.T, rest_of @ np.linalg.inv(scale)  # five motions, in metres and radians
     expected = np.linalg.inv(across @ information @ across.T)

@@ -19,11 +19,11 @@ PIXEL = 1e-3
 QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 BOX = np.array([t for a, b, c, d in QUADS for t in ((a, b, c), (a, c, d))])
 TURNS = 2 * np.pi * np.arange(32) / 32
-AROUND = np.stack([np.cos(TURNS), np.sin(TURNS)])
+UNIT_CIRCLE = np.stack([np.cos(TURNS), np.sin(TURNS)])
 
 
 def wedge(folder, name, a, b, c, cut=15):
-    """A block, slanted at one end [mm]."""
+    """Return a block, slanted at one end [mm]."""
     corners = np.array([[x, y, z] for x in (0, a) for y in (0, b) for z in (0, c)], dtype=float)
     corners[corners[:, 0] == a, 0] -= cut * (corners[corners[:, 0] == a, 1] > 0)
     write_off(folder / f"{name}.off", corners, BOX)
@@ -38,7 +38,7 @@ def parts(tmp_path_factory):
 
 
 def outline(part, rest, yaw, *, place=(0.03, 0.02), light=None, noise=None):
-    """What the camera sees of a part in a stable pose, with its shadow under a light from a direction."""
+    """Return the image outline of a part in a stable pose, with its shadow under a light from a direction."""
     ways = known_stable_poses(part)
     T = SE3.from_parts(SO3.axis_rotation(2, yaw), np.array([*place, 0.0])) @ ways[rest].T_table_part
     x = SE3.apply(T, part.vertices)
@@ -46,7 +46,7 @@ def outline(part, rest, yaw, *, place=(0.03, 0.02), light=None, noise=None):
     if light is not None:
         seen = np.concatenate([seen, x[:, :2] - x[:, 2:] * np.asarray(light)])
     middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
-    reach = ((seen - middle) @ AROUND).max(axis=0)
+    reach = ((seen - middle) @ UNIT_CIRCLE).max(axis=0)
     return SeenOutline(reach if noise is None else reach + noise, middle, EYE, PIXEL)
 
 
@@ -58,8 +58,8 @@ def test_an_outline_is_its_own_part_s_at_any_yaw(parts):
         assert log[rest] == pytest.approx(np.log(known_stable_poses(part)[rest].probability), abs=0.05)
 
 
-def test_an_outline_tells_the_pose_of_its_part(parts):
-    """In the world, wherever the table is; to a half turn, which the hull of a block hardly tells."""
+def test_an_outline_determines_the_pose_of_its_part(parts):
+    """In the world, for any place of the table; up to a half turn, which the hull of a block hardly determines."""
     rng = np.random.default_rng(4)
     T_world_table = SE3.exp(np.array([0.3, -0.1, 0.2, 0.1, 0.2, 0.3]))
     for k in range(8):
@@ -81,7 +81,7 @@ def test_a_shadow_does_not_make_it_another_s(parts):
         assert log[k] > np.log(known_stable_poses(parts[k])[0].probability) - 2
 
 
-def test_the_true_part_is_as_probable_as_said(parts):
+def test_the_true_part_has_its_stated_probability(parts):
     """Of noisy outlines the mean log odds of the truth are high, and its surprises no more than one part allows."""
     rng = np.random.default_rng(3)
     surprises, gains = 0, []
@@ -133,7 +133,7 @@ def test_what_was_measured_counts_together(parts):
         ({"pixel": 0.0}, "pixels of a length"),
     ],
 )
-def test_what_no_camera_sees_is_refused(change, words):
+def test_an_outline_outside_the_camera_is_refused(change, words):
     known = {"reach": np.ones(32), "middle": np.zeros(2), "eye": EYE, "pixel": PIXEL}
     with pytest.raises(InputError, match=words):
         SeenOutline(**{**known, **change})

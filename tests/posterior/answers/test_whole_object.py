@@ -30,12 +30,12 @@ def test_sides_are_compared_in_any_order():
     assert odds[1] < odds[0] - 5
 
 
-def test_a_wider_standard_deviation_says_less():
+def test_a_wider_standard_deviation_is_less_informative():
     sharp, wide = (WholeObject(sides=(0.1, 0.05, 0.02), side_sd=sd).log_odds(VOLUMES, BOXES) for sd in (2e-4, 5e-3))
     assert sharp[0] - sharp[1] > wide[0] - wide[1] > 0
 
 
-def test_what_contradicts_a_part_is_said():
+def test_a_contradiction_to_a_part_is_reported():
     of_mass = WholeObject(mass=(0.27, 0.001), density=(2700.0, 10.0))
     assert of_mass.mismatch("wedge", 1e-4, BOXES[0]) is of_mass.mismatch("sheet", 0.0, BOXES[0]) is None
     message = of_mass.mismatch("wedge", 2e-4, BOXES[0]).message
@@ -47,7 +47,7 @@ def test_what_contradicts_a_part_is_said():
     )
 
 
-def test_an_answer_says_that_another_mass_was_weighed(parts):
+def test_an_answer_reports_a_different_mass(parts):
     readings = tanteo.read_readings(EXAMPLES / "readings" / "bracket_left.csv")
     whole = WholeObject(mass=(0.1, 0.002), density=(7850.0, 80.0))
     answer = tanteo.locate(readings, parts["bracket_left"], priors=Priors(whole=whole))
@@ -56,7 +56,7 @@ def test_an_answer_says_that_another_mass_was_weighed(parts):
 
 
 @pytest.mark.parametrize(
-    ("given", "says"),
+    ("given", "message"),
     [
         ({"mass": (0.3, 0.01)}, "density of the material, too"),
         ({"mass": (-0.3, 0.01), "density": (2700.0, 10.0)}, "positive"),
@@ -64,8 +64,8 @@ def test_an_answer_says_that_another_mass_was_weighed(parts):
         ({"sides": (0.1, 0.1, 0.1)}, "positive"),
     ],
 )
-def test_what_cannot_be_measured_is_refused(given, says):
-    with pytest.raises(InputError, match=says):
+def test_what_cannot_be_measured_is_refused(given, message):
+    with pytest.raises(InputError, match=message):
         WholeObject(**given)
 
 
@@ -113,7 +113,7 @@ TOP = np.array([
 
 def test_options_of_the_whole_object_are_read_or_refused(capsys):
     command = ["identify", "examples/readings/bracket_left.csv", "--parts", "examples/parts/bracket_left.step"]
-    for more, says in (
+    for more, message in (
         (["--mass", "340g+-2g"], "--mass: expected the density"),
         (["--density", "7.85g/cm3+-1%"], "--density: expected --mass beside it"),
         (["--size", "1,2mm+-1mm"], "--size: expected three positive sides"),
@@ -121,4 +121,4 @@ def test_options_of_the_whole_object_are_read_or_refused(capsys):
         with pytest.raises(SystemExit) as ended:
             main([*command, *more])
         assert ended.value.code == 2
-        assert says in capsys.readouterr().err
+        assert message in capsys.readouterr().err

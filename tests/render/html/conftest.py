@@ -1,4 +1,4 @@
-"""Two parts that are nearly alike."""
+"""Two parts that are nearly equal."""
 
 from __future__ import annotations
 

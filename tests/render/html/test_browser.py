@@ -1,4 +1,4 @@
-"""The report in a real browser, offline: it draws, it switches, nothing overlaps, nothing is asked of anybody."""
+"""The report in a real browser, offline: it draws, it switches, nothing overlaps, no request leaves the page."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from browsing import HARD_TO_READ, SIZES, TEXT_TROUBLE, Watched, colours, complaints, differ, not_reached, pixels
-from report_scenes import ROUGH, SD, TOUCH, TRUTH, told, touches
+from report_scenes import ROUGH, SD, TOUCH, TRUTH, touched_session, touches
 from tanteo.planning import at_pose, discriminate, plan
 from tanteo.posterior import prepare
 from tanteo.recognition import identify, locate
@@ -29,8 +29,8 @@ class Report(Watched):
         self.file = file
 
     def picture(self):
-        """Pixels of the canvas as they are shown ``(h, w, 3)``."""
-        self.settle()
+        """Return the shown pixels of the canvas ``(h, w, 3)``."""
+        self.wait_until_quiet()
         return pixels(self.page.locator("#view").screenshot())[5:-5, 5:-5]  # less the frame that a focus draws
 
 
@@ -52,7 +52,7 @@ def files(tmp_path_factory, wedge, near_wedge):
     write_report(
         folder / "none.html", report_page(locate(few, wedge), gather(few), [wedge], Run("tanteo locate f.csv"))
     )
-    write_report(folder / "session.html", session_page(told(wedge, near_wedge), Run("tanteo replay s.json")))
+    write_report(folder / "session.html", session_page(touched_session(wedge, near_wedge), Run("tanteo replay s.json")))
     planned = plan(at_pose(prepare(wedge), TRUTH, ROUGH), TOUCH, 2e-4)
     write_report(folder / "plan.html", plan_page(planned, wedge, TOUCH, 2e-4, 0.95, Run("tanteo plan --part w.stl")))
     twins = discriminate(prepare(wedge), prepare(near_wedge), TOUCH)
@@ -62,7 +62,7 @@ def files(tmp_path_factory, wedge, near_wedge):
 
 @pytest.fixture
 def open_page(browser, files):
-    """Open a report; at the end nothing may have been said or asked."""
+    """Open a report; at the end there may be no message and no request."""
     opened = []
 
     def call(name, size="desk", scheme="light"):
@@ -72,8 +72,8 @@ def open_page(browser, files):
     yield call
     for watched in opened:
         watched.context.close()
-        assert watched.said == []
-        assert watched.asked == [watched.file.as_uri()]
+        assert watched.messages == []
+        assert watched.requests == [watched.file.as_uri()]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -126,7 +126,7 @@ def test_a_plan_has_arrows_with_numbers(open_page):
     numbers, names = page.locator("#overlay text").all_text_contents(), page.evaluate("scene.readings.names")
     assert set(names) <= set(numbers)
     page.locator("[data-layer=names]").uncheck()
-    watched.settle()
+    watched.wait_until_quiet()
     assert len(page.locator("#overlay text").all()) < len(numbers)
     page.locator("[data-layer=readings]").uncheck()
     assert differ(before, watched.picture()) > 0.005
@@ -237,7 +237,7 @@ def test_without_the_means_to_draw_the_rest_is_there(open_page):
     watched = open_page("clear")
     watched.page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null;")
     watched.page.reload()
-    watched.asked[1:] = []
+    watched.requests[1:] = []
     expect(watched.page.locator("#no3d")).to_contain_text("cannot draw the picture")
     expect(watched.page.locator("#view")).to_be_hidden()
     expect(watched.page.locator(".chart")).to_be_visible()

@@ -1,4 +1,4 @@
-"""The budget adds up to the covariance of the best linear estimator, and to what the answer says."""
+"""The budget adds up to the covariance of the best linear estimator, and to that of the answer."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_without_a_source_is_as_if_it_was_never_there(wedge, scene):
     assert all(s.without <= budget.total * (1 + 1e-9) for s in budget.sources if np.isfinite(s.without))
 
 
-def test_repeatability_is_what_the_preset_says(wedge, scene):
+def test_repeatability_is_that_of_the_preset(wedge, scene):
     readings, options, h = scene
     _, contacts, _ = budget_of(wedge, readings, h, **options)
     assert (contacts.repeatability >= robot_preset(ROBOT).pos_repeat_std ** 2 * (1 - 1e-9)).all()

@@ -1,4 +1,4 @@
-"""Where readings meet a part, and how far off they are."""
+"""Contact points of readings on a part, and their distances."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_the_ball_of_a_tip_is_one_radius_off(wedge, answer):
     assert contacts.distances == pytest.approx([1e-4], abs=1e-9)
 
 
-def test_a_reading_left_out_is_as_far_off_as_the_answer_says(wedge, answer):
+def test_an_excluded_reading_has_its_stated_distance(wedge, answer):
     readings = Readings.from_columns(points=SE3.apply(TRUTH, np.array([[0.02, 0.02, 0.032]])), sds=[SD])
     h = at_truth(answer, pairings=(), outliers=("1",), outlier_distances=(2.5e-3,))
     assert find_contacts(gather(readings), wedge, h).distances == pytest.approx([2.5e-3])
@@ -74,7 +74,7 @@ def test_rows_are_the_derivatives_of_the_distances(wedge, answer):
 
 
 def test_an_error_that_all_readings_share_is_not_in_distances(wedge, answer):
-    """A sensor that reads 0.3 mm long along its beam: two opposite sides tell it from a shift."""
+    """A sensor that reads 0.3 mm long along its beam: two opposite sides separate it from a shift."""
     rng = np.random.default_rng(3)
     exact = touches(wedge, rng)
     hands = np.broadcast_to(np.eye(4), (len(exact), 4, 4)).copy()
@@ -92,7 +92,7 @@ def test_an_error_that_all_readings_share_is_not_in_distances(wedge, answer):
     assert np.median(np.abs(known.distances)) < 1.5 * SD
 
 
-def test_a_sensed_normal_says_two_turns(wedge, answer):
+def test_a_sensed_normal_fixes_two_rotations(wedge, answer):
     normal = TRUTH[:3, :3] @ np.array([0.0, 0.0, 1.0])
     readings = Readings.from_columns(
         points=SE3.apply(TRUTH, np.array([[0.02, 0.02, 0.03]])), sds=[SD], normals=normal[None],

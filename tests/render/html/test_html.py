@@ -1,4 +1,4 @@
-"""Nothing that a file says becomes markup."""
+"""No text of a file becomes markup."""
 
 from __future__ import annotations
 

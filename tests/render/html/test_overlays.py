@@ -18,7 +18,7 @@ def answer(wedge):
 
 
 def motions(answer, ways, enlarged):
-    """One standard deviation of each way, from the overlays."""
+    """Return one standard deviation of each motion in the overlays."""
     T = np.stack([way.Ts_world_part[0, 1] for way in ways])
     return SE3.log(SE3.inverse(answer.T_world_part) @ T) / enlarged
 
@@ -28,7 +28,7 @@ def test_the_ways_make_up_the_covariance(wedge, answer):
     xi = motions(answer, ways, enlarged)
     scale = np.r_[np.full(3, wedge.diagonal), np.ones(3)]
     C = answer.covariance / np.outer(scale, scale)
-    # ways that hardly move the part are left out: a hundredth of the largest
+    # motions that hardly move the part are excluded: a hundredth of the largest
     assert xi.T @ xi / np.outer(scale, scale) == pytest.approx(C, abs=0.02 * np.abs(C).max())
 
 

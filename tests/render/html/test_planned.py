@@ -46,7 +46,7 @@ def test_the_arrows_are_the_readings(planned, wedge):
     assert along == pytest.approx(np.array([r.direction for r in planned.readings]), abs=1e-4)
 
 
-def test_its_words_table_and_curves_say_the_same(planned, wedge):
+def test_its_text_table_and_curves_agree(planned, wedge):
     page = plan_page(planned, wedge, TOUCH, 2e-4, 0.95, RUN)
     assert f"{len(planned.readings)} readings place wedge." in page
     assert "✓ planned" in page
@@ -77,14 +77,14 @@ def test_a_plan_that_cannot_be_made_is_a_page_too(planned, wedge):
     assert scene_of(page)["parts"][0]["name"] == "wedge"
 
 
-def test_the_reading_for_twins_meets_each_where_it_says(wedge, near_wedge):
+def test_the_reading_for_twins_hits_each_at_its_stated_range(wedge, near_wedge):
     found = discriminate(prepare(wedge), prepare(near_wedge), TOUCH)
     page = distinction_page(found, [wedge, near_wedge], TOUCH, RUN)
     scene = scene_of(page)
     distances = np.linalg.norm(places(scene, "points") - found.origin, axis=1)
     assert distances == pytest.approx(found.ranges[np.isfinite(found.ranges)], abs=1e-6)
     assert [h["part"] for h in scene["hypotheses"]] == [0, 1]
-    target = prepare(near_wedge)  # where the page puts the second part, its ray is as long as it says
+    target = prepare(near_wedge)  # at the second part on the page, its ray has the stated length
     T = np.array(scene["hypotheses"][1]["pose"]).reshape(4, 4).T
     T[:3, 3] = (T[:3, 3] + scene["centre_mm"]) / 1e3
     start, along = np.linalg.inv(T) @ np.r_[found.origin, 1], T[:3, :3].T @ found.direction
@@ -101,7 +101,7 @@ def test_the_reading_for_twins_meets_each_where_it_says(wedge, near_wedge):
     )
 
 
-def test_a_scale_has_room_for_all_and_lines_that_can_be_read():
+def test_a_scale_spans_all_values_with_readable_lines():
     for low, high in ((0.08, 8.0), (0.5, 0.5), (1e-3, 1e3)):
         scale = lengths_scale(np.array([low, high, np.nan]))
         assert scale.low < low <= high < scale.high

@@ -11,13 +11,13 @@ from tanteo.words import Motion
 LINEAR = Budget((Source("noise of the sensor", "B", 0.64, 8e-5, 6e-5), Source("tip", "B", 0.36, 6e-5, 8e-5)), 1e-4)
 
 
-@pytest.mark.parametrize("told", [5e-5, 1e-4, 1.001e-4, 1.5e-4])
-def test_the_sources_make_up_the_figure_of_the_answer(told):
-    budget = combined(LINEAR, told)
-    assert budget.total == told
-    assert sum(s.sd**2 for s in budget.sources) == pytest.approx(told**2)
+@pytest.mark.parametrize("stated_sd", [5e-5, 1e-4, 1.001e-4, 1.5e-4])
+def test_the_sources_make_up_the_figure_of_the_answer(stated_sd):
+    budget = combined(LINEAR, stated_sd)
+    assert budget.total == stated_sd
+    assert sum(s.sd**2 for s in budget.sources) == pytest.approx(stated_sd**2)
     assert sum(s.share for s in budget.sources) == pytest.approx(1)
-    assert any(s.name == "beyond first order" for s in budget.sources) == (told > 1.01e-4)
+    assert any(s.name == "beyond first order" for s in budget.sources) == (stated_sd > 1.01e-4)
 
 
 @pytest.mark.parametrize(
@@ -40,9 +40,9 @@ def test_a_motion_has_every_number_in_words():
     assert str(turn) == "rotation about part z through (1.0, 2.0, 3.0) mm while sliding 2.0 mm a radian"
 
 
-def test_a_goal_is_said_with_its_numbers():
-    said = goal_words(Stop(probability=0.99, tolerance=5e-4, confidence=0.95))
-    assert said == "Goal: the part with 99 % and the corners of the part within 0.5 mm at 95 %."
+def test_a_goal_is_stated_with_its_numbers():
+    goal = goal_words(Stop(probability=0.99, tolerance=5e-4, confidence=0.95))
+    assert goal == "Goal: the part with 99 % and the corners of the part within 0.5 mm at 95 %."
     assert "within" not in goal_words(Stop(probability=0.99, tolerance=None))
 
 

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from report_scenes import SD, TRUTH, told, touches
+from report_scenes import SD, TRUTH, touched_session, touches
 from tanteo.planning import Session, explain
 from tanteo.posterior import Priors
 from tanteo.recognition import locate
@@ -30,7 +30,7 @@ RUN = Run("tanteo replay s.json", "tanteo 1", (("Least clearance", "3 <mm>"),))
 
 @pytest.fixture(scope="module")
 def session(wedge, near_wedge):
-    return told(wedge, near_wedge)
+    return touched_session(wedge, near_wedge)
 
 
 def candidate(hypothesis, sensed, part):
@@ -50,9 +50,9 @@ def test_every_answer_has_its_place_in_the_charts_and_its_row(session):
     (body,) = course_section(session, explain(session.state, session.steps).added).bodies
     rows = re.findall(r'<th scope="row">(\d+)</th>', body.text)
     assert rows == [str(k) for k in range(1, len(session.steps) + 1)]
-    said = re.findall(r"<title>(.*?)</title>", body.text)
+    titles = re.findall(r"<title>(.*?)</title>", body.text)
     curves = 3  # both parts and unknown object, from before the first answer on
-    assert len([s for s in said if "%" in s]) == curves * (len(rows) + 1)
+    assert len([s for s in titles if "%" in s]) == curves * (len(rows) + 1)
     corners = [float(v) for v in re.findall(r"after \d+: ([\d.]+) mm, of (?:near_)?wedge", body.text)]
     assert corners == pytest.approx([1e3 * s.corner_sd for s in session.steps], rel=0.05)  # two digits
     assert "tolerance of the corners, 1 mm" in body.text
@@ -88,13 +88,13 @@ def test_readings_that_do_not_fit_fix_nothing(wedge):
     assert all(dict(d.shares)["8"] == 0 for d in directions_of(one, sensed))
 
 
-def test_a_session_that_was_told_nothing_says_so(session):
+def test_a_session_without_readings_is_reported(session):
     page = session_page(Session(session.start, session.probe), RUN)
     assert "<h1>No reading has met a part yet.</h1>" in page
     assert "How it went" not in page
 
 
-def test_a_session_whose_beams_met_nothing_is_a_page(session, wedge):
+def test_a_session_without_hits_is_a_page(session, wedge):
     new = Session(session.start, session.probe, session.sensing)
     far = TRUTH[:3, 3][None] + [0.3, 0.0, 0.0]
     new.tell(Readings.from_columns(far, directions=[[0, 0, 1.0]], is_free=[True], max_ranges=np.array([0.1])))
@@ -103,10 +103,10 @@ def test_a_session_whose_beams_met_nothing_is_a_page(session, wedge):
     assert "nan" not in page.split('id="scene"')[0].lower().replace("nano", "")
 
 
-def test_what_names_say_is_text(wedge, near_wedge):
+def test_names_are_escaped_as_text(wedge, near_wedge):
     from dataclasses import replace
 
     evil = "</script><img src=x>"
-    page = session_page(told(replace(wedge, name=evil), near_wedge), RUN)
+    page = session_page(touched_session(replace(wedge, name=evil), near_wedge), RUN)
     assert "<img" not in page
     assert page.count("</script>") == 2

@@ -31,7 +31,7 @@ def scene_of(page):
     return json.loads(re.search(r'id="scene">(.*?)</script>', page, re.DOTALL)[1])
 
 
-def test_it_says_the_answer_the_wrong_reading_and_the_command(run, wedge):
+def test_it_has_the_answer_the_wrong_reading_and_the_command(run, wedge):
     readings, answer = run
     page = report_page(answer, gather(readings), [wedge], Run("tanteo locate 'a b.csv' --part w.stl"))
     assert "wedge, located to" in page
@@ -58,7 +58,7 @@ def test_nothing_outside_the_file_is_named(run, wedge):
     assert not re.search(r"<(?:link|img|iframe)|\ssrc=|@import|url\(", page)
 
 
-def test_what_files_say_is_text(run, wedge):
+def test_text_of_files_is_escaped(run, wedge):
     readings, _ = run
     evil = "</script><img src=x onerror=alert(1)>\x1b[31m\ud800"
     named = Readings.from_columns(
@@ -92,7 +92,7 @@ def test_without_a_hypothesis_it_shows_the_readings(run, wedge):
     assert len(scene_of(page)["readings"]["names"]) == len(readings)
 
 
-def test_readings_that_met_nothing_alone_are_no_trouble(wedge):
+def test_only_readings_without_hits_are_accepted(wedge):
     free = Readings.from_columns(
         points=np.zeros((2, 3)), directions=np.array([[0, 0, 1.0], [0, 1.0, 0]]), kinds=["free"] * 2,
         max_ranges=np.full(2, 0.1),
@@ -131,8 +131,8 @@ def test_the_headline_is_the_verdict_without_advice(run):
     _, answer = run
     assert headline(answer).startswith("wedge, located to")
     several = SeveralPoses("wedge", others=(("an unknown part", 0.2),))
-    said = headline(replace(answer, status="ambiguous", findings=(several, CloseTogether())))
-    assert said == "It is wedge, in one of several poses. It may also be an unknown part (20.0 %)."
+    text = headline(replace(answer, status="ambiguous", findings=(several, CloseTogether())))
+    assert text == "It is wedge, in one of several poses. It may also be an unknown part (20.0 %)."
 
 
 def test_no_sentence_of_the_title_is_repeated_below_it(run, wedge):

@@ -1,4 +1,4 @@
-"""The live page in a real browser: it draws, its buttons work, a click senses, nothing is asked of anybody else."""
+"""The live page in a real browser: it draws, its buttons work, a click senses, no request goes elsewhere."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ class Live(Watched):
 
     def __init__(self, browser, url, size, query=""):
         super().__init__(browser, f"{url}/?fixedDpr=0.5{query}", size, noise=("error",))
-        self.press("Restart")  # whatever was played before, this begins anew
-        self.until_said("No reading yet")
+        self.press("Restart")  # this starts again after any earlier session
+        self.wait_for_text("No reading yet")
 
-    def until_said(self, words):
+    def wait_for_text(self, words):
         """Wait for words in the page."""
         self.page.get_by_text(words).first.wait_for()
 
@@ -56,7 +56,7 @@ class Live(Watched):
         self.page.get_by_role("button", name=name, exact=True).click()
 
     def tick(self, name, *, on):
-        """A box of the legend: it answers when the page gets to it."""
+        """Tick a box of the legend and wait for the page."""
         self.page.get_by_label(name, exact=True).click()
         expect(self.page.get_by_label(name, exact=True)).to_be_checked(checked=on)
 
@@ -87,19 +87,19 @@ def open_page(browser, live, screenshots, request):
     for watched in opened:
         watched.page.screenshot(path=screenshots / f"live_{request.node.name}.png")
         watched.context.close()
-        assert watched.said == []
-        assert all(url.startswith((live[0].url, "data:", f"blob:{live[0].url}")) for url in watched.asked), (
-            watched.asked
+        assert watched.messages == []
+        assert all(url.startswith((live[0].url, "data:", f"blob:{live[0].url}")) for url in watched.requests), (
+            watched.requests
         )
 
 
 def pixel(point, middle, size, window):
-    """Where a place of the world is seen ``(2,)``."""
+    """Return the pixel of a point of the world ``(2,)``."""
     from tanteo.render.live.page import FOV, seen_from
 
     width, height = window
-    eye, look_at = seen_from(middle, size, 1.6)
-    forward = (look_at - eye) / np.linalg.norm(look_at - eye)
+    eye, aim = seen_from(middle, size, 1.6)
+    forward = (aim - eye) / np.linalg.norm(aim - eye)
     right = np.cross(forward, [0, 0, 1.0])
     right /= np.linalg.norm(right)
     d = point - eye
@@ -117,22 +117,22 @@ def test_a_session_is_played(open_page, live, screenshots):
     first = watched.seen()
     assert colours(first) > 40
     watched.press("Step")
-    watched.until_said("Places sensed: 1")
+    watched.wait_for_text("Places sensed: 1")
     stepped = watched.seen(unlike=first)
     page.mouse.click(*pixel(FOOT, middle, size, SIZES["desk"]))
-    watched.until_said("Places sensed: 2 (1 by you, 1 by the policy)")
+    watched.wait_for_text("Places sensed: 2 (1 by you, 1 by the policy)")
     page.screenshot(path=screenshots / "live_clicked.png")
     watched.tick("Beams", on=False)
     watched.seen(unlike=stepped)
     watched.press("Go")
-    watched.until_said("distance from the real part")
-    watched.until_said("It is bracket_left")
+    watched.wait_for_text("distance from the real part")
+    watched.wait_for_text("It is bracket_left")
     watched.seen(unlike=first)
     watched.tick("Beams", on=True)
     page.locator("input[role=combobox][value=largest-face]").click()
     page.get_by_role("option", name="nearest").click()
     watched.press("Restart")
-    watched.until_said("Places sensed: 0")
+    watched.wait_for_text("Places sensed: 0")
     assert player.policy == "nearest"
 
 
@@ -148,10 +148,10 @@ def test_what_else_it_may_be_is_chosen_in_the_legend(open_page):
 def test_a_person_plays_against_the_planner(open_page, live):
     watched, (_, middle, size, _) = open_page("desk"), live
     watched.press("You against the planner")
-    watched.until_said("Your turn")
+    watched.wait_for_text("Your turn")
     watched.page.mouse.click(*pixel(FOOT, middle, size, SIZES["desk"]))
-    watched.until_said("Places sensed: 1, all by you")
-    watched.until_said("The planner has sensed 1 place:")
+    watched.wait_for_text("Places sensed: 1, all by you")
+    watched.wait_for_text("The planner has sensed 1 place:")
     watched.press("Answer now")
     table = watched.page.get_by_role("table")
     expect(table).to_contain_text("distance from the real part")
@@ -162,7 +162,7 @@ def test_the_first_move_is_seen_within_two_seconds(open_page):
     watched = open_page("desk")
     begun = time.monotonic()
     watched.press("Step")
-    watched.until_said("Places sensed: 1")
+    watched.wait_for_text("Places sensed: 1")
     assert time.monotonic() - begun < 2 * SLACK
 
 

@@ -65,7 +65,7 @@ def test_each_part_is_drawn_where_the_belief_has_it(moments):
     assert last[0].same_shape(first[0])  # the left bracket, which lies there, is sent once
 
 
-def test_one_thing_is_solid_and_all_else_is_clear(moments):
+def test_one_object_is_solid_and_all_others_are_transparent(moments):
     for now in moments:
         meshes = [p for p in drawing.state_primitives(now) if isinstance(p, Mesh)]
         assert [p.opacity for p in meshes if p.layer == ""] == [1.0]
@@ -90,8 +90,8 @@ def test_readings_and_beams_are_where_they_were_made(moments, targets):
     np.testing.assert_array_equal(drawn["readings that fit"].points, touches.points)
     beams = drawn["beams"].segments
     np.testing.assert_allclose(beams[:, 1], touches.points)
-    met = [s.action.origin for s in now.steps if s.ids[0] in touches.ids]
-    np.testing.assert_allclose(beams[:, 0], met, atol=1e-9)
+    hits = [s.action.origin for s in now.steps if s.ids[0] in touches.ids]
+    np.testing.assert_allclose(beams[:, 0], hits, atol=1e-9)
     assert drawing.reading_primitives(moments[0]) == []
 
 
@@ -124,15 +124,15 @@ def test_the_next_reading_points_at_its_place(moments):
     assert drawing.next_primitives(Snapshot(now.state, now.steps, None)) == []
 
 
-def test_the_hand_is_where_it_says_and_beams_end_where_they_met():
+def test_the_hand_has_its_pose_and_beams_end_at_their_hits():
     hand = gripper()
     T = SE3.from_parts(SO3.exp(np.array([3.0, 0.2, -0.4])), [0.1, 0.2, 0.3])
     states = np.array([HIT, FREE, LOST] * 4)[: len(hand.origins)]
     ranges = np.where(states == HIT, 0.07, np.nan)
     body, seen, free = drawing.hand_primitives(hand, HandReading(0.0, T, ranges, states))
     np.testing.assert_array_equal(body.T, T)
-    met = np.flatnonzero(states == HIT)
-    ends = SE3.apply(T, hand.origins[met] + 0.07 * hand.axes[met])
+    hits = np.flatnonzero(states == HIT)
+    ends = SE3.apply(T, hand.origins[hits] + 0.07 * hand.axes[hits])
     np.testing.assert_allclose(seen.segments[:, 1], ends)
     length = np.linalg.norm(free.segments - SE3.apply(T, hand.origins[states == FREE][:1]), axis=-1).min()
     assert length == pytest.approx(0, abs=1e-12)

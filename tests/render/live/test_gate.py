@@ -32,7 +32,7 @@ def status(address, **headers):
 
 
 def opened(address, **options):
-    """Whether its socket lets one in."""
+    """Return whether its socket accepts a connection."""
     protocol = f"viser-v{version('viser')}"
     with suppress(InvalidStatus), connect(f"ws://{address}", subprotocols=[protocol], open_timeout=10, **options):
         return True

@@ -1,4 +1,4 @@
-"""A hand that is watched: it moves on the page, stays where it is when it is told to, and senses the same as alone."""
+"""A hand with a viewer: it moves on the page, stays where a command stops it, and senses the same as alone."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def make(targets):
 
 
 class Onlooker(Person):
-    """Says stop as soon as the hand has moved, and clicks then."""
+    """Press stop as soon as the hand has moved, and click then."""
 
     def __init__(self, *wants):
         super().__init__(*wants)
@@ -41,7 +41,7 @@ class Onlooker(Person):
                 self.player.commands.put(Pause())
 
 
-def test_it_moves_stays_and_senses_as_if_nobody_looked(targets):
+def test_it_moves_stays_and_senses_equally_without_a_viewer(targets):
     shows = []
 
     def remembered(*chosen):
@@ -57,10 +57,10 @@ def test_it_moves_stays_and_senses_as_if_nobody_looked(targets):
     person = Onlooker(Advance(), click, Quit())
     person.player = Player(remembered, person, 5, "largest-face", speed=8.0)
     person.player.run()
-    assert moved == [3]  # it stayed where it was told to
-    assert any("Wait until the hand rests" in said for said in person.said)
+    assert moved == [3]  # it stayed where the command stopped it
+    assert any("Wait until the hand rests" in text for text in person.messages)
     assert len(person.poses) > 5
-    assert not any(HELP in said for said in person.said[-2:])
+    assert not any(HELP in text for text in person.messages[-2:])
     ways = np.linalg.norm(np.diff([T[:3, 3] for T in person.poses], axis=0), axis=1)
     assert ways.max() < 0.25
     np.testing.assert_allclose(person.poses[-1], shows[0].session.readings.Ts_world_hand[-1], atol=1e-9)

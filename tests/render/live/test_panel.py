@@ -1,4 +1,4 @@
-"""What is said: escaped, in the report's words, with shares that sum to one."""
+"""Text of the panel: escaped, in the report's terms, with shares that sum to one."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_swatches_have_the_colours_of_what_is_drawn(session):
     assert set(re.findall(r'style="background:(#\w{6})', panel.bars(now))) == drawn
 
 
-def test_what_a_file_says_is_escaped(session):
+def test_the_text_of_a_file_is_escaped(session):
     now = Snapshot.of(session)
     target = now.state.start.targets[0]
     evil = replace(target, part=replace(target.part, name="<img src=x>"))
@@ -64,7 +64,7 @@ def test_everything_that_is_drawn_has_a_sign_of_its_colour():
     assert "Real part" not in panel.legend(scene=False)
     words = panel.legend(scene=True)
     assert "50 mm" in words
-    assert all(colors.css(hue) in words and said in words for _, hue, said in panel.ALWAYS)
+    assert all(colors.css(hue) in words and label in words for _, hue, label in panel.ALWAYS)
 
 
 def test_two_runs_are_compared_in_a_table():

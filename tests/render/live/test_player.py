@@ -17,7 +17,7 @@ from viewer_scenes import TRUE, Person, maker
 
 
 def play(make, *wants, seed=3):
-    """A person with these wishes; the sessions that were begun, in order."""
+    """Return a simulated user with given actions, and the sessions that were begun, in order."""
     begun = []
 
     def remembered(*chosen):
@@ -32,7 +32,7 @@ def play(make, *wants, seed=3):
 
 
 def from_above(x, y, tilt=0.0):
-    """A click straight down, or from a side, on a place of the part's frame [m]."""
+    """Return a click along -z, or from a side, on a point of the part's frame [m]."""
 
     def wish(person):
         ray = np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
@@ -47,7 +47,7 @@ def went(targets):
     return play(maker(targets), Go(), Quit())
 
 
-def test_it_goes_to_its_end_and_says_what_it_is(went):
+def test_it_goes_to_its_end_and_names_the_part(went):
     person, (session,) = went
     assert session.stop.reached(session.state)
     assert "bracket_left, located to " in person.words["status"]
@@ -61,10 +61,10 @@ def test_it_goes_to_its_end_and_says_what_it_is(went):
 def test_the_truth_is_not_drawn_before_the_end(targets):
     shown = []
 
-    def look(then):
+    def view(then):
         return lambda person: shown.append(len(person.groups["truth"])) or then
 
-    play(maker(targets, max_measurements=2), look(Advance()), look(Advance()), look(Quit()))
+    play(maker(targets, max_measurements=2), view(Advance()), view(Advance()), view(Quit()))
     assert shown == [0, 0, 1]
 
 
@@ -82,7 +82,7 @@ def test_a_click_senses_there_and_the_counts_are_compared(targets, went):
     person, (session, alone) = play(maker(targets), from_above(0.06, 0.02), Go(), Quit())
     first, *others = (step.action for step in session.steps)
     assert [isinstance(a.reason, ChosenByUser) for a in (first, *others)] == [True, *[False] * len(others)]
-    # where it was pointed at: the click's ray was vertical, and so is what it met
+    # at the clicked place: the click's ray was vertical, and so was its hit
     np.testing.assert_allclose(first.origin[:2], SE3.apply(TRUE, [0.06, 0.02, 0.0])[:2], atol=5e-3)
     assert first.direction[2] < -0.95
     own = len(others)
@@ -94,14 +94,14 @@ def test_a_click_senses_there_and_the_counts_are_compared(targets, went):
     assert "1. You, " in person.words["steps"]
 
 
-def test_a_click_beside_everything_is_said_and_senses_nothing(targets):
+def test_a_click_beside_everything_is_reported_without_sensing(targets):
     away = Click(np.array([2.0, 2.0, 1.0]), np.array([0.0, 0.0, -1.0]))
     person, (session,) = play(maker(targets, max_measurements=2), away, Quit())
     assert "Nothing is there" in person.words["status"]
     assert session.count == 0
 
 
-def test_another_policy_asks_anew_and_holds_after_a_restart(targets):
+def test_another_policy_plans_again_and_survives_a_restart(targets):
     questions = []
 
     def note(then):
@@ -123,7 +123,7 @@ def test_a_restart_begins_again_and_another_seed_holds_from_then(targets):
 
 
 def test_a_click_does_not_meet_what_is_hidden(targets):
-    """Whatever else it may be lies there too, in front: a person senses what they see."""
+    """Another object may lie in front: a user senses what the view shows."""
     click = from_above(0.06, 0.02)
     hidden = lambda person: replace(click(person), hidden=frozenset(drawing.HIDDEN_AT_FIRST))  # noqa: E731
     _, (session, _) = play(maker(targets, max_measurements=1), hidden, Quit())
@@ -134,16 +134,18 @@ def test_in_a_contest_the_places_are_the_persons(targets, went):
     """The planner plays the same scene with the same errors; nothing of it is shown but how sure it is."""
     arrows = []
 
-    def look(then):
+    def view(then):
         return lambda person: arrows.append(len(person.groups["next"])) or (then(person) if callable(then) else then)
 
-    here = [look(from_above(0.06, 0.02)), look(from_above(0.02, 0.05))]
-    wants = [Contest(), look(Advance()), *here, look(AnswerNow()), Quit()]
+    here = [view(from_above(0.06, 0.02)), view(from_above(0.02, 0.05))]
+    wants = [Contest(), view(Advance()), *here, view(AnswerNow()), Quit()]
     person, (_, mine, planned) = play(maker(targets, tolerance=1e-5), *wants)
     assert arrows == [0, 0, 0, 0]
     assert [step.action.reason for step in mine.steps] == [ChosenByUser()] * 2
-    assert any("you choose all places: click" in said for said in person.said)
-    assert any("The planner has sensed 1 place: " in said and "sure, largest corner sd" in said for said in person.said)
+    assert any("you choose all places: click" in text for text in person.messages)
+    assert any(
+        "The planner has sensed 1 place: " in text and "sure, largest corner sd" in text for text in person.messages
+    )
     _, (alone,) = play(maker(targets, tolerance=1e-5), Go(), Quit())
     np.testing.assert_array_equal(planned.readings.points, alone.readings.points)
     cells = re.findall(r"<t[hd][^>]*>([^<]*)<", person.words["status"])
@@ -177,5 +179,5 @@ def test_what_goes_wrong_with_the_planner_is_not_hidden(targets):
 
 def test_after_the_end_everything_but_a_restart_is_refused(targets):
     person, sessions = play(maker(targets, max_measurements=1), Go(), Advance(), Restart(), Quit())
-    assert any("The session has ended. Press Restart" in said for said in person.said)
+    assert any("The session has ended. Press Restart" in text for text in person.messages)
     assert [s.count for s in sessions] == [1, 0]

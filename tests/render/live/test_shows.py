@@ -1,4 +1,4 @@
-"""What a laser reads, where a click senses, what a hand's run tells who watches, and that viser stays outside."""
+"""Readings of a laser, places of a click, views of a hand's run, and viser stays outside."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def down(x, y, number=1):
-    """A reading straight down from 200 mm."""
+    """Return a reading straight down from 200 mm."""
     return Action(number, np.array([x, y, 0.2]), DOWN, 0.3, 0.1, "part", "face 1", np.nan, ChosenByUser())
 
 
@@ -41,7 +41,7 @@ def test_the_laser_reads_what_is_there_with_its_noise(surfaces):
     assert abs(ranges.mean() - 0.15) < 4 * NOISE / 20
     assert 0.85 < ranges.std() / NOISE < 1.15
     again = simulated(*surfaces, 3)
-    again(down(-0.5, 0.0))  # the second draw is the second reading's, whatever the first one met
+    again(down(-0.5, 0.0))  # the second draw is the second reading's, for any hit of the first one
     assert again(down(0.05, 0.05)).ranges[0] == ranges[1]
 
 
@@ -63,7 +63,7 @@ def click(session, place, ray, number=1):
     return picked(session, Snapshot.of(session).drawn_modes(), place - 0.4 * ray, ray, number)
 
 
-def test_a_click_looks_along_the_normal_of_what_it_points_at(session):
+def test_a_click_senses_along_the_normal_at_its_point(session):
     k = int(Snapshot.of(session).drawn_modes()[0])
     target, T = session.state.target(k), session.state.poses[k]
     foot = SE3.apply(T, [0.08, 0.04, 0.012])  # on the foot, from aslant
@@ -78,7 +78,7 @@ def test_a_click_looks_along_the_normal_of_what_it_points_at(session):
 
 
 def replaced(session, target):
-    """The session with this part alone, so that nothing else is in the way."""
+    """Return the session with this part alone, so that no other object is in the way."""
     from tanteo.planning import at_pose
 
     k = next(i for i, t in enumerate(session.start.targets) if t is target)
@@ -94,7 +94,7 @@ def test_a_click_on_an_upright_face_keeps_to_the_cone_of_probe(session):
     assert action.direction @ session.probe.approach == pytest.approx(np.cos(session.probe.cone), abs=1e-6)
 
 
-def test_where_there_is_no_room_along_the_normal_it_looks_aslant(session):
+def test_without_clearance_along_the_normal_it_senses_aslant(session):
     alone = replaced(session, session.start.targets[0])
     T = alone.start.Ts[0]
     wall = SE3.apply(T, [0.0, 0.04, 0.03])
@@ -107,18 +107,18 @@ def test_where_there_is_no_room_along_the_normal_it_looks_aslant(session):
     assert aslant.direction @ T[:3, 0] > np.cos(alone.probe.max_incidence)
 
 
-def test_a_click_beside_the_part_looks_where_the_person_looks(session):
+def test_a_click_beside_the_part_senses_along_the_view(session):
     alone = replaced(session, session.start.targets[0])
     middle = SE3.apply(alone.start.Ts[0], alone.start.targets[0].part.centroid)
-    aside = middle + np.array([0.0, 0.095, 0.0])
-    action = click(alone, aside, DOWN)
+    beside_it = middle + np.array([0.0, 0.095, 0.0])
+    action = click(alone, beside_it, DOWN)
     assert isinstance(action, Action)
     np.testing.assert_array_equal(action.direction, DOWN)
     assert action.face == "a place beside it"
     assert click(alone, middle + np.array([1.0, 0.0, 0.0]), DOWN) == ClickFailed("nothing")
 
 
-def test_what_the_hand_cannot_do_is_said(session):
+def test_impossible_motions_of_the_hand_are_reported(session):
     alone = replaced(session, session.start.targets[0])
     foot = SE3.apply(alone.start.Ts[0], [0.08, 0.04, 0.012])
     never = replace(alone, able=lambda state, candidates: np.zeros(len(candidates), dtype=bool))
@@ -141,26 +141,26 @@ def test_the_truth_is_measured_both_ways(session, targets):
 
 
 def test_viser_is_imported_by_the_page_alone():
-    room = Path(tanteo.render.live.__file__).parent
-    assert [p.name for p in sorted(room.rglob("*.py")) if "import viser" in p.read_text(encoding="utf-8")] == [
+    folder = Path(tanteo.render.live.__file__).parent
+    assert [p.name for p in sorted(folder.rglob("*.py")) if "import viser" in p.read_text(encoding="utf-8")] == [
         "page.py"
     ]
     code = "import sys; sys.modules['viser'] = None; import tanteo.render.live, tanteo.cli.app"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_whatever_is_read_answers_what_was_asked(targets):
-    """A probe that says an unlabelled point, under a name of its own, is not sent to the same place again."""
+def test_every_reading_answers_the_planned_action(targets):
+    """A probe that returns an unlabelled point, with its own name, is not sent to the same place again."""
     session = maker(targets, max_measurements=3)(0, "information").session
     bare = lambda action: Readings.from_columns(  # noqa: E731
         (action.origin + action.expected * action.direction)[None], ids=[f"point {session.count}"], sds=np.array([1e-3])
     )
-    told = []
+    readings = []
 
-    class Looks:
+    class Views:
         def place(self, note):
             assert session.pending is None
-            told.append(session.steps[-1].action.number)
+            readings.append(session.steps[-1].action.number)
 
-    probe_show(session, bare, ()).run(Looks())
-    assert told == [1, 2, 3]
+    probe_show(session, bare, ()).run(Views())
+    assert readings == [1, 2, 3]

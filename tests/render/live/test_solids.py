@@ -30,7 +30,7 @@ def test_ellipsoids_lie_at_so_many_standard_deviations():
     np.testing.assert_allclose(d2, 4, rtol=1e-6)
     n = len(triangles) // 5
     size = len(vertices) // 5
-    for k in range(5):  # turned outward, whatever the axes: the volume is positive, and that of the ellipsoid
+    for k in range(5):  # turned outward, for any axes: the volume is positive, and that of the ellipsoid
         own = volume(each[k], triangles[k * n : (k + 1) * n] - k * size)
         assert own == pytest.approx(8 * np.sqrt(np.linalg.det(covariances[k])) * volume(*ball(1)), rel=1e-6)
 

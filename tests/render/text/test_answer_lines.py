@@ -1,4 +1,4 @@
-"""The answer in words and as JSON, from results made by hand."""
+"""The answer as text and as JSON, from results made by hand."""
 
 import json
 
@@ -81,7 +81,7 @@ def test_undecided_headlines(status, start):
     assert answer_lines(recognition(hypothesis(), status=status))[0].startswith(start)
 
 
-def test_a_test_that_speaks_against_likely_parts_is_said():
+def test_a_rejection_of_likely_parts_is_reported():
     lines = answer_lines(recognition(hypothesis(), status="unknown", unknown=1e-6))
     assert not any(line.startswith("Unknown object") for line in lines)
     assert any(line.startswith("The goodness-of-fit test rejects every part.") for line in lines)
@@ -94,7 +94,7 @@ def test_no_hypothesis_at_all():
     assert lines[-1] == NoPart().message
 
 
-def test_nothing_sensed_says_nothing_about_the_parts():
+def test_no_readings_leave_the_parts_at_their_prior():
     lines = answer_lines(recognition(status="insufficient", unknown=1.0, found=NothingSensed()))
     assert lines == ["insufficient: too little was sensed", "", NothingSensed().message]
 
@@ -117,7 +117,7 @@ def test_control_characters_do_not_reach_the_terminal():
     assert "\\x1b[31mred" in text
 
 
-def test_outliers_say_how_far_off_they_are():
+def test_outliers_have_their_distance():
     lines = answer_lines(recognition(hypothesis(outliers=("7", "9"), outlier_distances=(0.0021, np.nan))))
     assert any("7 (2.1 mm off), 9." in line for line in lines)
 

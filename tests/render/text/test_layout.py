@@ -1,4 +1,4 @@
-"""Tables as wide as there is room, with every digit, and bold where it shows."""
+"""Tables as wide as the terminal, with every digit, and bold where the terminal supports it."""
 
 from __future__ import annotations
 

@@ -12,13 +12,13 @@ RUNS, STATIONS, FRESH = 24, 25, 8
 
 
 def mean_in_interval(values, dof, slack=1.0):
-    """The mean of ``len(values)`` chi-squares lies where it should with 99.9 percent; ``slack`` stretches the model."""
+    """Check that the mean of chi-square values is in its 99.9 % interval; ``slack`` widens it."""
     low, high = chi2.ppf([0.0005, 0.9995], dof * len(values)) / len(values)
     return low < np.mean(values) / slack < high
 
 
 def errors_of(beam, T_true, scale, slant):
-    """In the fitted beam's frame; the spin about the beam means nothing."""
+    """Return the errors in the fitted beam's frame, without the rotation about the beam."""
     R = beam.T_hand_beam[:3, :3]
     origin = R.T @ (T_true[:3, 3] - beam.T_hand_beam[:3, 3])
     aim = R.T @ T_true[:3, 2]
@@ -87,13 +87,13 @@ F = 37 / 35
 
 
 @pytest.mark.slow
-def test_beams_are_as_uncertain_as_they_say(runs):
+def test_beams_follow_their_covariance(runs):
     assert runs["status"] == {"calibrated"}
     assert mean_in_interval(runs["beam"], 7, F)
 
 
 @pytest.mark.slow
-def test_planes_and_their_angle_are_as_uncertain_as_they_say(runs):
+def test_planes_and_their_angle_follow_their_covariance(runs):
     assert mean_in_interval(runs["plane"], 3, F)
     assert mean_in_interval(runs["angle"], 1, F)
 
@@ -139,7 +139,7 @@ def with_ranges(log, ranges):
 
 
 def test_saturated_readings_are_found_and_named():
-    """A device that stops at 450 mm: the places beyond it are named, and the beam is as good as without them."""
+    """A device that stops at 450 mm: the places beyond it are named, and the beam is as accurate as without them."""
     rng, plane, T, hands = scene(1, near=0.1, far=0.7)
     log = simulated_log(rng, T, plane, hands, place=(5e-4, 0, 0), repeat=(1e-3, 0))
     ceiling = 0.45

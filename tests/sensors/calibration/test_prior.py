@@ -1,4 +1,4 @@
-"""A rig states what is known of its beams before: it stays where a log tells nothing."""
+"""A rig states its prior beams: the prior stays where a log has no information."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PLANE = SE3.exp(np.array([0.1, 0.2, 0.3, 0.4, 0.1, 0.2]))
 
 
 def calibrated(**stated):
-    """The beam after a log that tells nothing: the hand slides along the plane, and neither turns nor comes nearer."""
+    """Return the beam after an uninformative log: the hand slides along the plane at one distance and rotation."""
     rng = np.random.default_rng(6)
     hands = np.repeat(random_hands(rng, 1, PLANE, T, tilt=0.4), 30, axis=0)
     hands[:, :3, 3] += rng.uniform(-0.1, 0.1, (30, 2)) @ PLANE[:3, :2].T

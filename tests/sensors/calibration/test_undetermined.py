@@ -1,4 +1,4 @@
-"""What a log cannot tell is named, keeps the uncertainty it had, and is never made up; bad logs are refused."""
+"""Parameters that a log does not determine are named and keep their prior uncertainty; bad logs are refused."""
 
 from dataclasses import replace
 
@@ -33,20 +33,20 @@ def unturned(rng, n=30):
     return hands
 
 
-def test_a_hand_that_never_turns_not_tell_offset_from_plane_s():
+def test_without_rotation_offset_and_plane_are_confounded():
     rng = np.random.default_rng(0)
     found = calibrate(simulated_log(rng, T, PLANE, unturned(rng)))
     assert found.status == "insufficient"
     names = {name for one in found.beams[0].undetermined for name in one.parameters}
     assert {"offset", "x"} <= names
     assert "Turn the hand about two axes" in found.message
-    # nothing is made up: what nobody told is as wide as before
+    # nothing is made up: an undetermined parameter is as wide as before
     assert np.sqrt(found.beams[0].cov[0, 0]) > 0.1
     with pytest.raises(InputError, match="expected a calibration that determines the beams"):
         calibrated_rig(found)
 
 
-def test_what_is_not_told_keeps_the_rig_s_uncertainty():
+def test_undetermined_parameters_keep_the_rig_s_uncertainty():
     rng = np.random.default_rng(1)
     found = calibrate(simulated_log(rng, T, PLANE, unturned(rng)), rig=rig_of())
     assert found.status == "calibrated"
@@ -58,14 +58,14 @@ def test_what_is_not_told_keeps_the_rig_s_uncertainty():
     assert np.linalg.norm(found.beams[0].T_hand_beam[:3, 3] - T[:3, 3]) < 4e-3
 
 
-def test_ranges_of_one_length_do_not_tell_the_scale():
+def test_ranges_of_one_length_do_not_determine_the_scale():
     rng = np.random.default_rng(2)
     hands = random_hands(rng, 40, PLANE, T, near=0.299, far=0.301)
     found = calibrate(simulated_log(rng, T, PLANE, hands))
     assert any("scale" in one.parameters for one in found.beams[0].undetermined)
 
 
-def test_a_good_log_tells_all():
+def test_a_good_log_determines_all():
     rng = np.random.default_rng(3)
     found = calibrate(simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T)), rig=rig_of((5e-3, 0.05)))
     assert (found.status, found.message, found.beams[0].undetermined) == ("calibrated", "Calibrated eye.", ())
@@ -88,7 +88,7 @@ def test_no_repeats_leave_one_noise():
     assert found.beams[0].place_sds.max() > 0
 
 
-def test_readings_without_noise_are_met_exactly():
+def test_readings_without_noise_are_fitted_exactly():
     rng = np.random.default_rng(6)
     log = simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T), repeats=1, place=(0, 0, 0), repeat=(0, 0))
     found = calibrate(log)
@@ -115,7 +115,7 @@ def test_sensors_that_the_log_does_not_have_stay_as_they_were():
     assert made.sensors[0].max_range == 1.0
 
 
-def test_a_preset_says_the_limits_of_a_sensor_without_rig():
+def test_a_preset_gives_the_limits_of_a_sensor_without_rig():
     rng = np.random.default_rng(9)
     found = calibrate(simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T)), sensor="vl53l4cd")
     assert calibrated_rig(found, sensor=sensor_preset("vl53l4cd")).sensors[0].max_range == 1.2
@@ -193,7 +193,7 @@ def test_an_unknown_plane_is_named():
 
 
 def test_two_planes_taken_for_one_are_not_calibrated_with():
-    """A third of the places would be set aside, and the beam of the rest be anywhere."""
+    """A third of the places would be excluded, and the beam of the rest would be arbitrary."""
     rng, logs = np.random.default_rng(3), []
     wall = PLANE @ SE3.exp(np.array([0, 0, 0, 1.2, 0, 0]))
     for plane, label in ((PLANE, "table"), (wall, "wall")):
@@ -205,7 +205,7 @@ def test_two_planes_taken_for_one_are_not_calibrated_with():
     assert "Check" in found.message
 
 
-def test_a_beam_that_is_not_where_the_rig_has_it_is_said():
+def test_a_beam_off_its_pose_in_the_rig_is_reported():
     rng = np.random.default_rng(4)
     log = simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T, tilt=0.6))
     assert len(calibrate(log, rig=rig_of()).findings) == 1
@@ -215,7 +215,7 @@ def test_a_beam_that_is_not_where_the_rig_has_it_is_said():
     assert isinstance(found.findings[-1], OffRig)
 
 
-def test_places_that_scatter_far_more_than_readings_are_said():
+def test_places_that_scatter_more_than_readings_are_reported():
     rng = np.random.default_rng(5)
     hands = random_hands(rng, 40, PLANE, T, tilt=0.6)
     assert "scatters" not in calibrate(simulated_log(rng, T, PLANE, hands)).message

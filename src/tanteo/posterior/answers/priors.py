@@ -15,7 +15,7 @@ from tanteo.posterior.answers.whole_object import WholeObject
 STATED = {"typed": 2.0, "preset": 1.5, "unstated": 5.0}
 """Factor to which the noise is known, by the origin of its standard deviation: typed by the user, preset from a data
 sheet, or unstated and estimated. With the first, the 95 % region of a dozen readings has a coverage of 90 to 97 % if
-the true noise is half to twice the stated one (``benchmarks/honesty.py``)."""
+the true noise is half to twice the stated one (``benchmarks/misspecification.py``)."""
 
 _MOST = 100.0
 """Largest noise factor that is accepted."""

@@ -1,4 +1,4 @@
-"""A box counts the share of a pose that is inside; what was said wrongly of the pose is found out far away, too."""
+"""A box counts the share of a pose that is inside; a wrong statement about the pose is found far away, too."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def box_about(part, T, away):
     [lambda p, T: table_at(p, T, 0.01), pytest.param(lambda p, T: box_about(p, T, 5e-3), marks=pytest.mark.slow)],
 )
 def test_a_wrong_table_or_box_is_blamed_not_the_part(bracket, wrong):
-    """Twelve touches agree with some pose on the wrong table, but for a few: nine of ten were said to be of no part."""
+    """Twelve touches agree with some pose on the wrong table, except for a few: nine of ten were called unknown."""
     messages = []
     for seed in range(6):
         touches, T, _ = sensed(bracket, 12, 3e-4, seed)

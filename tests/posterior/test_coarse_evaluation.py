@@ -1,4 +1,4 @@
-"""Points against coarse fields of many parts: the right part and pose are found, whatever else is among the parts."""
+"""Points against coarse fields of many parts: the right part and pose are found among any other parts."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def on_block(side, n, seed):
     return SE3.apply(T, p * side) + SD * rng.normal(size=p.shape), T
 
 
-def look(table, points, **changed):
+def evaluate(table, points, **changed):
     n = len(points)
     given = {
         "best": 1e9, "behind": 1e9, "points": points, "normals": np.zeros((n, 3)), "sds": np.full(n, SD),
@@ -60,7 +60,7 @@ def look(table, points, **changed):
 @pytest.mark.parametrize("row", range(len(SIDES) - 2))
 def test_the_block_that_was_sensed_costs_least(row):
     points, T = on_block(SIDES[row], 24, row)
-    scores, costs, Ts = look(tables(SIDES), points)
+    scores, costs, Ts = evaluate(tables(SIDES), points)
     assert costs[row, 0] == costs[:5, 0].min() < 3
     assert costs[4, 0] == 8 * 24
     assert scores[row] < scores.min() + 3
@@ -74,15 +74,15 @@ def test_parts_of_a_kind_find_their_own_poses():
     table = tables(SIDES[:2]) | {"kinds": np.zeros(2, dtype=np.int32)}
     for seed in range(5):
         points, _ = on_block(SIDES[1], 24, seed)
-        _, costs, _ = look(table, points)
+        _, costs, _ = evaluate(table, points)
         assert costs[1, 0] < 3
         assert costs[1, 0] < costs[0, 0]
 
 
-def test_what_is_far_behind_costs_the_most_and_changes_no_other():
+def test_a_score_far_below_costs_the_most_and_changes_no_other():
     points, _ = on_block(SIDES[0], 24, 7)
-    scores, whole, _ = look(tables(SIDES), points)
-    some = look(tables(SIDES), points, behind=12.0)[1]
+    scores, whole, _ = evaluate(tables(SIDES), points)
+    some = evaluate(tables(SIDES), points, behind=12.0)[1]
     near = scores <= scores.min() + 12
     assert 0 < near.sum() < len(SIDES)
     np.testing.assert_array_equal(some[near], whole[near])
@@ -92,13 +92,13 @@ def test_what_is_far_behind_costs_the_most_and_changes_no_other():
 def test_an_outlier_costs_what_one_costs():
     points, _ = on_block(SIDES[0], 24, 8)
     points[3] += 0.03
-    _, costs, _ = look(tables(SIDES), points)
+    _, costs, _ = evaluate(tables(SIDES), points)
     assert costs[0, 0] == costs[:5, 0].min() < 8 + 3
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 24])
 def test_one_point_many_times_is_on_any_part(n):
-    _, costs, Ts = look(tables(SIDES), np.tile([0.1, 0.2, 0.3], (n, 1)))
+    _, costs, Ts = evaluate(tables(SIDES), np.tile([0.1, 0.2, 0.3], (n, 1)))
     assert np.all(costs[:, 0] < n)
     assert np.isfinite(Ts).all()
 
@@ -108,7 +108,7 @@ def test_a_part_of_one_face_is_found():
     rng = np.random.default_rng(3)
     T = SE3.exp(np.r_[rng.uniform(-0.3, 0.3, 3), rng.normal(size=3)])
     points = SE3.apply(T, rng.uniform(-0.5, 0.5, (20, 3)) * side)
-    assert look(tables(side), points)[1][0, 0] < 3
+    assert evaluate(tables(side), points)[1][0, 0] < 3
 
 
 def test_centres_of_balls_are_off_the_surface_by_their_radius():
@@ -118,11 +118,15 @@ def test_centres_of_balls_are_off_the_surface_by_their_radius():
     normals = np.zeros((24, 3))
     normals[np.arange(24), face] = np.sign(inner[np.arange(24), face])
     points = points + 0.002 * normals @ T[:3, :3].T
-    assert look(tables(SIDES), points, radii=np.full(24, 0.002))[1][0, 0] < 3 < look(tables(SIDES), points)[1][0, 0]
+    assert (
+        evaluate(tables(SIDES), points, radii=np.full(24, 0.002))[1][0, 0]
+        < 3
+        < evaluate(tables(SIDES), points)[1][0, 0]
+    )
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "says"),
+    ("name", "value", "message"),
     [
         ("grid", np.zeros((6, 7), dtype=np.float32), "grid"),
         ("rows", np.array([6], dtype=np.int32), "rows"),
@@ -132,15 +136,15 @@ def test_centres_of_balls_are_off_the_surface_by_their_radius():
         ("boxes", np.zeros((5, 6)), "boxes"),
     ],
 )
-def test_arrays_that_cannot_be_meant_are_refused(name, value, says):
+def test_arrays_that_cannot_be_meant_are_refused(name, value, message):
     table = tables(SIDES)
     given = table | {name: value} if name in table else table
-    with pytest.raises(ValueError, match=says):
-        look(given, value if name == "points" else np.eye(3))
+    with pytest.raises(ValueError, match=message):
+        evaluate(given, value if name == "points" else np.eye(3))
 
 
 @pytest.mark.parametrize("thickness", [0.05, 1.0, 5.0, 9.0])
-def test_a_sheet_is_where_its_field_says(tmp_path, thickness):
+def test_a_sheet_is_where_its_field_vanishes(tmp_path, thickness):
     corners = np.array([(x, y, z) for z in (0, thickness) for x, y in ((0, 0), (100, 0), (100, 60), (0, 60))])
     sides = [f for i in range(4) for f in ((i, (i + 1) % 4, 4 + (i + 1) % 4), (i, 4 + (i + 1) % 4, 4 + i))]
     write_off(tmp_path / "sheet.off", corners, [(0, 2, 1), (0, 3, 2), (4, 5, 6), (4, 6, 7), *sides])
@@ -154,11 +158,11 @@ def test_a_sheet_is_where_its_field_says(tmp_path, thickness):
         "spacings": np.sqrt(numbers[:, 0] / 64), "centres": numbers[:, 5:8].copy(), "boxes": numbers[:, 8:14].copy(),
         "levels": LEVELS, "rows": np.zeros(1, dtype=np.int32), "kinds": np.zeros(1, dtype=np.int32),
     }  # fmt: skip
-    assert look(given, p)[1][0, 0] < 3
+    assert evaluate(given, p)[1][0, 0] < 3
 
 
-def test_parts_in_the_same_box_are_told_by_points_alone(tmp_path):
-    """Angles of the same three sides: they are of one kind, and poses that suit one of them do not suit another."""
+def test_points_alone_distinguish_parts_in_the_same_box(tmp_path):
+    """Angles with the same three sides: they have one kind, and good poses of one are bad for another."""
     rng = np.random.default_rng(2)
     corners = np.array([(0, 0), (1, 0), (1, "t"), ("s", "t"), ("s", 1), (0, 1)], dtype=object)
     for k in range(70):
@@ -192,10 +196,10 @@ def sensed(p):
 
 
 @pytest.mark.parametrize("sides", [(26, 24, 25), (25, 35, 50), (30, 36, 44)])
-def test_more_steps_find_what_coarse_scores_do_not_tell(sides):
-    """A dozen points, blurred as they are scored, are as likely in many attitudes of a block that is nearly a cube."""
+def test_more_steps_find_what_coarse_scores_miss(sides):
+    """A dozen blurred points are as likely in many attitudes of a block that is nearly a cube."""
     block, found = 1e-3 * np.array(sides), {}
     for stepped in (24, 800):
-        looks = [look(tables([block]), on_block(block, 12, seed)[0], stepped=stepped) for seed in range(20)]
-        found[stepped] = sum(costs[0, 0] < 2 for _, costs, _ in looks)
+        results = [evaluate(tables([block]), on_block(block, 12, seed)[0], stepped=stepped) for seed in range(20)]
+        found[stepped] = sum(costs[0, 0] < 2 for _, costs, _ in results)
     assert found[24] < found[800] == 20

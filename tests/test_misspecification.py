@@ -1,4 +1,4 @@
-"""What is answered when the world is not as stated, in small; ``benchmarks/honesty.py`` has hundreds of scenes."""
+"""Answers when the stated model is wrong, in small; ``benchmarks/misspecification.py`` has hundreds of scenes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.stats import binom
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
-from honesty import HANDS, PARTS, absent, hand, noisy, offset, outlier, table
+from misspecification import HANDS, PARTS, absent, hand, noisy, offset, outlier, table
 
 import tanteo
 
@@ -25,15 +25,15 @@ def scenes(case, count=1, parts=PARTS):
 @pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_the_region_holds_the_truth_when_the_noise_is_another(factor, count):
-    """90 % are asked for; fewer than this are one false alarm in a thousand."""
+    """The goal is 90 %; fewer than the bound are one false alarm in a thousand."""
     sure = [row for row in scenes(lambda *case: noisy(factor, *case), count) if row["status"] == "recognized"]
     assert len(sure) >= 8 * count
     assert sum(row["held"] for row in sure) >= binom.ppf(1e-3, len(sure), 0.9)
 
 
-def test_a_noise_that_is_another_is_told_with_its_spread():
+def test_a_different_noise_is_reported_with_its_spread():
     part = tanteo.read_part(Path(__file__).parents[1] / "examples/parts/block.step")
-    rng, told = np.random.default_rng(5), []
+    rng, results = np.random.default_rng(5), []
     corners = part.vertices[part.triangles]
     for _ in range(8):
         rows = rng.integers(len(corners), size=40)
@@ -41,12 +41,12 @@ def test_a_noise_that_is_another_is_told_with_its_spread():
         readings = tanteo.Readings.from_columns(points=points, sds=np.full(40, 3e-4))
         scale, low, high = tanteo.locate(readings, part).hypotheses[0].noise_scale
         assert low < scale < high
-        told.append(low < 2 < high)
-    assert sum(told) >= binom.ppf(1e-3, 8, 0.95)
+        results.append(low < 2 < high)
+    assert sum(results) >= binom.ppf(1e-3, 8, 0.95)
 
 
 @pytest.mark.parametrize("sd", [1e-5, 5e-4])
-def test_a_noise_of_which_nobody_said_any_is_told(sd):
+def test_an_unstated_noise_is_estimated(sd):
     part = tanteo.read_part(Path(__file__).parents[1] / "examples/parts/block.step")
     rng = np.random.default_rng(6)
     corners = part.vertices[part.triangles]

@@ -1,4 +1,4 @@
-"""Who stays in the race of the parts after a round."""
+"""Parts that stay active after a round of successive halving."""
 
 from types import SimpleNamespace
 
@@ -9,12 +9,12 @@ def _part(log_evidence, on):
     return SimpleNamespace(log_evidence=log_evidence, is_good_fit=lambda: on)
 
 
-def _kept(evidence, on, unknown=-1e9, behind=24.0):
+def _kept(evidence, on, unknown=-1e9, gap=24.0):
     parts = [_part(value, on) for value in evidence]
-    return [part.log_evidence for part in candidate_pruning._still_active(parts, unknown, behind)]
+    return [part.log_evidence for part in candidate_pruning._still_active(parts, unknown, gap)]
 
 
-def test_parts_far_behind_one_that_explains_the_points_are_out():
+def test_parts_far_below_an_explaining_one_are_pruned():
     assert _kept([100, 90, 70, 0], on=True) == [100, 90]
 
 

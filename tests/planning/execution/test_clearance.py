@@ -1,4 +1,4 @@
-"""Stances look along their beams, room is what exact distances say, and ways keep it or are not gone."""
+"""Stances point along their beams, clearance follows exact distances, and paths keep it or are refused."""
 
 from __future__ import annotations
 
@@ -76,10 +76,10 @@ def test_what_is_reachable_keeps_the_whole_hand_clear(targets):
     able = reachable(hand, RULES, probe.retreat)(state, candidates)
     assert 0 < able.sum() < len(candidates)
     possible = PossiblePoses.of(state)
-    room = FreeSpace(hand.body, RULES.workspace, possible, RULES.clearance)
+    space = FreeSpace(hand.body, RULES.workspace, possible, RULES.clearance)
     for k in np.flatnonzero(able)[:5]:
         Ts = approach_poses(hand, candidates.origins[k][None], candidates.directions[k][None])[0]
-        fit = Ts[room.allows(Ts) & room.allows(retreated_poses(Ts, probe.retreat))]
+        fit = Ts[space.allows(Ts) & space.allows(retreated_poses(Ts, probe.retreat))]
         assert len(fit)
         assert exact_gap(hand.body, possible, fit[0]) > RULES.clearance - 1e-3
         assert RULES.workspace.clear(hand.body, fit[0]) > RULES.clearance
@@ -91,9 +91,9 @@ def test_a_way_leads_over_obstacles_or_is_none(targets):
     down = np.diag([1.0, -1.0, -1.0])
     a, b = (SE3.from_parts(down, [x, 0.0, 0.14]) for x in (-0.2, 0.2))
     possible = PossiblePoses.of(believed(targets, 1e-4))
-    room = FreeSpace(hand.body, RULES.workspace, possible, RULES.clearance)
-    assert not room.along(approach_path(hand, a, b))
-    stops = route(hand, room, a, b, probe.retreat)
+    space = FreeSpace(hand.body, RULES.workspace, possible, RULES.clearance)
+    assert not space.along(approach_path(hand, a, b))
+    stops = route(hand, space, a, b, probe.retreat)
     assert stops is not None
     np.testing.assert_array_equal(stops[-1], b)
     legs = [approach_path(hand, p, q) for p, q in zip([a, *stops], stops, strict=False)]
@@ -108,15 +108,15 @@ def test_a_way_leads_over_obstacles_or_is_none(targets):
 def test_from_a_narrow_place_there_is_way_out_but_not_further_in(targets):
     hand = gripper()
     possible = PossiblePoses.of(believed(targets[:1], 1e-5))
-    room = FreeSpace(hand.body, RULES.workspace, possible, RULES.clearance)
+    space = FreeSpace(hand.body, RULES.workspace, possible, RULES.clearance)
     down = np.diag([1.0, -1.0, -1.0])
     heights = np.arange(0.14, 0.30, 0.002)
     stands = [SE3.from_parts(down, [0.0, 0.0, z]) for z in heights]
     gaps = np.array([exact_gap(hand.body, possible, T) for T in stands])
     narrow = stands[int(np.flatnonzero(gaps > 0.5 * RULES.clearance)[0])]
-    assert not room.allows(narrow[None])[0]
-    assert room.along(approach_path(hand, narrow, retreated_poses(narrow, 0.05)))
-    assert not room.along(approach_path(hand, narrow, retreated_poses(narrow, -0.01)))
+    assert not space.allows(narrow[None])[0]
+    assert space.along(approach_path(hand, narrow, retreated_poses(narrow, 0.05)))
+    assert not space.along(approach_path(hand, narrow, retreated_poses(narrow, -0.01)))
 
 
 def test_the_probe_is_a_frontal_sensor(targets):
@@ -130,11 +130,11 @@ def test_the_probe_is_a_frontal_sensor(targets):
     assert free.approach is None
     with pytest.raises(InputError, match=r"1\.25 times the clearance of 12 mm"):
         hand_probe(hand, RULES, 0.013)
-    with pytest.raises(InputError, match="stand-off within range"):
+    with pytest.raises(InputError, match="standoff: expected at most 120 mm"):
         hand_probe(hand, RULES, 0.2)
 
 
-def test_a_part_that_may_be_anywhere_is_asked_where_it_is(targets):
+def test_a_part_without_a_prior_pose_raises_a_question(targets):
     """A grid of all places that it may have would not fit into memory."""
     with pytest.raises(InputError, match="expected the parts within some metres"):
         _ = PossiblePoses.of(believed(targets[:1], 2.0)).occupied

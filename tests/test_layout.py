@@ -69,7 +69,7 @@ def test_a_benchmark_imports_what_there_is(path):
 
 
 def is_module(package, name: str) -> bool:
-    """Whether it is a module in a package."""
+    """Return whether a name is a module of a package."""
     return hasattr(package, "__path__") and importlib.util.find_spec(f"{package.__name__}.{name}") is not None
 
 

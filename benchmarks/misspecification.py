@@ -1,9 +1,9 @@
-"""What is answered when the world is not as stated: ``python benchmarks/honesty.py [scenes] [seed] [--rates]``.
+"""Answers when the stated model is wrong: ``python benchmarks/misspecification.py [scenes] [seed] [--rates]``.
 
-A dozen readings of a part of the examples, at a random pose, sensed by touch (no directions) or by laser (with
-directions), 0.3 mm stated. One row for every way in which what was stated is not true. ``scenes`` is the number of
-scenes of each part and sensor, 13 if not given, which are 208 a row. ``--processes`` and ``--keep`` as in
-``campaign.py``. ``--rates`` asks instead what other outlier rates than the one assumed would answer.
+A dozen readings of an example part at a random pose are sensed by touch (no directions) or by laser (with directions),
+with a stated noise of 0.3 mm. Each row has another wrong statement. ``scenes`` is the number of scenes of each part and
+sensor, 13 by default, which are 208 a row. ``--processes`` and ``--keep`` work as in ``campaign.py``. ``--rates``
+compares other assumed outlier rates instead.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ RIGHT = 0.003, np.radians(5)
 
 @cache
 def catalogue():
-    """The parts, prepared."""
+    """Return the prepared parts."""
     return [prepare(tanteo.read_part(FOLDER / f"{name}.step")) for name in PARTS]
 
 
 def judged(answer, own, T, points=None):
-    """What an answer says beside what is true."""
+    """Return the figures of an answer beside the truth."""
     row = {
         "status": answer.status, "P": 0.0, "right": False, "held": False, "unknown": answer.unknown_probability,
         "kinds": [one.kind for one in answer.findings], "worst": 0.0,
@@ -78,13 +78,13 @@ def _begun(name, s, seed, k, factor=1.0, readings=READINGS):
 
 
 def noisy(factor, name, s, seed, k):
-    """The noise is not what was stated; the part is given."""
+    """Answer a scene whose noise differs from the stated noise; the part is given."""
     own, T, points, _ = _begun(name, s, seed, k, factor)
     return judged(identify_points(points, FreeRays.none(), [own]), own, T)
 
 
 def absent(name, s, seed, k, rate=RATE):
-    """The part is not in the catalogue."""
+    """Answer a scene whose part is not in the catalogue."""
     own, T, points, _ = _begun(name, s, seed, k)
     others = [p for p in catalogue() if p is not own]
     answer = identify_points(points, FreeRays.none(), others, priors=Priors(outlier_rate=rate))
@@ -92,7 +92,7 @@ def absent(name, s, seed, k, rate=RATE):
 
 
 def mixed(name, s, seed, k):
-    """The part is absent in one of twenty scenes, which is what the prior says."""
+    """Answer a scene whose part is absent in one of twenty cases, which equals the prior."""
     own, T, points, rng = _begun(name, s, seed, k)
     gone = rng.uniform() < Priors().unknown
     others = [p for p in catalogue() if p is not own or not gone]
@@ -103,7 +103,7 @@ def mixed(name, s, seed, k):
 
 
 def outlier(name, s, seed, k, rate=RATE):
-    """One reading is 5 mm off."""
+    """Answer a scene with one reading that is 5 mm off."""
     own, T, points, rng = _begun(name, s, seed, k)
     row, way = int(rng.integers(READINGS)), rng.normal(size=3)
     way = points.directions[row] * rng.choice([-1, 1]) if SENSORS[s].directed else way / np.linalg.norm(way)
@@ -139,7 +139,7 @@ def table(name, s, seed, k):
 
 
 def offset(name, s, seed, k):
-    """The ball's radius was left out: all readings are its centres, 1 to 3 mm before the surface; the part is given."""
+    """Answer a scene without the ball's radius: all readings are its centres, 1 to 3 mm before the surface."""
     own, T, _, rng = _begun(name, 1, seed, k)
     p, n = surface_points(own, 2 * READINGS, rng)
     centres = SE3.apply(T, p + rng.uniform(1e-3, 3e-3) * n) + 3e-5 * rng.normal(size=p.shape)
@@ -149,7 +149,7 @@ def offset(name, s, seed, k):
 
 
 def hand(how, name, s, seed, k):
-    """The poses of the hand were read in another convention; the part is given."""
+    """Answer a scene whose poses of the hand were read in another convention; the part is given."""
     from tanteo.sensors import Rig, RigSensor
 
     own, T, points, rng = _begun(name, 1, seed, k)
@@ -181,7 +181,7 @@ ROWS = {
     "one of twenty parts is in no file": (mixed, ""),
     "one reading 5 mm off": (outlier, ""),
     "a third of the readings on the given table": (table, ""),
-    "radius left out": (offset, "offset"),
+    "radius omitted": (offset, "offset"),
     **{f"hand: {how}": (partial(hand, how), "hand") for how in HANDS},
 }
 
@@ -193,12 +193,12 @@ BY_RATE = {
 
 
 def case(title, name, s, seed, k):
-    """One scene of one row."""
+    """Return the result of one scene of one row."""
     return (ROWS | BY_RATE)[title][0](name, s, seed, k)
 
 
 def summary(title, rows):
-    """The figures of one row."""
+    """Return the figures of one row."""
     sure = [r for r in rows if r["status"] == "recognized"]
     wrong = [r for r in rows if r["P"] > 0.9 and not r["right"]]
     against = sum(r["worst"] > 4 for r in wrong)
@@ -216,15 +216,16 @@ def summary(title, rows):
 
 
 def run(titles, scenes, seed, keep=None, processes=1):
-    """The table."""
+    """Return the table."""
     cases = [(t, name, s, seed, k) for t in titles for k in range(scenes) for s in (0, 1) for name in PARTS]
     done = list(zip(cases, run_cases(case, cases, keep, processes), strict=True))
     columns = (
         "what is not as stated", "scenes", "one answer", "in its 95 % region", "claimed", "right", "truth among modes",
-        "sure and wrong", "wrong above 0.9 (a reading 4 sd off)", "said to be unknown", "P(unknown), mean", "named",
+        "sure and wrong", "wrong above 0.9 (a reading 4 sd off)", "unknown", "P(unknown), mean", "named",
     )  # fmt: skip
     rows = [summary(t, [row for c, row in done if c[0] == t]) for t in titles]
-    return Table("Honesty", f"{READINGS} readings, {len(PARTS)} parts, touch and laser, seed {seed}.", columns, rows)
+    text = f"{READINGS} readings, {len(PARTS)} parts, touch and laser, seed {seed}."
+    return Table("Wrong statements", text, columns, rows)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The front door: its names, their examples, and nothing besides."""
+"""The public API: its names, their examples, and nothing else."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PACKAGES = {"features", "fitting", "geometry"}
 NAMES = sorted(set(tanteo.__all__) - PACKAGES - {"__version__"})
 
 
-def test_dir_shows_the_door_and_nothing_else():
+def test_dir_shows_the_public_names_only():
     assert dir(tanteo) == sorted(tanteo.__all__)
     assert len(tanteo.__all__) <= 44
 
@@ -43,7 +43,7 @@ def test_the_example_in_its_docstring_runs(name, monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_its_docstring_says_what_a_caller_must_know(name):
+def test_its_docstring_describes_the_use(name):
     value = getattr(tanteo, name)
     if inspect.isfunction(value):
         text = inspect.getdoc(value)

@@ -1,9 +1,9 @@
-"""A part that is in no file: is it taken for another? ``python benchmarks/strangers.py [scenes] [seed]``.
+"""Rate at which an unknown part is taken for a known one: ``python benchmarks/unknown_parts.py [scenes] [seed]``.
 
-Eight parts of the examples, one of which is sensed without correspondences; once the catalogue holds only the seven
-others, once all eight. What is said of the stranger, how probable the unknown object is in both cases, and how often
-the part itself is named when it is there. Then two parts that differ by one face, 3 mm higher, one of which is sensed
-while the catalogue holds the other. ``--processes`` and ``--keep`` as in ``campaign.py``.
+One of eight example parts is sensed without correspondences. The catalogue holds once only the seven others, once all
+eight. The first table has the answers in both cases, the probability of the unknown object, and how often the part
+itself is named if it is in the catalogue. The second table has two parts that differ by one face, 3 mm higher; one is
+sensed while the catalogue holds the other. ``--processes`` and ``--keep`` work as in ``campaign.py``.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ STEPS = "step_12mm", "step_15mm"
 
 @cache
 def catalogue():
-    """The eight parts, prepared."""
+    """Return the eight prepared parts."""
     return [prepare(tanteo.read_part(FOLDER / f"{name}.step")) for name in PARTS]
 
 
 def both(name, s, n, seed, k):
-    """One scene, without the part in the catalogue and with it."""
+    """Return the answers to one scene, without the part in the catalogue and with it."""
     targets, sensing = catalogue(), SENSORS[s]
     own = targets[PARTS.index(name)]
     rng = np.random.default_rng((seed, PARTS.index(name), s, n, k))
@@ -50,7 +50,7 @@ def both(name, s, n, seed, k):
 
 
 def summary(rows):
-    """What is said without the part, and with it."""
+    """Return the rates of the answers without the part, and with it."""
     without, with_ = ([(case[0], row[kind]) for case, row in rows] for kind in ("without", "with"))
     n = len(rows)
     return (
@@ -71,7 +71,7 @@ def steps():
 
 
 def of_one_face(name, s, n, seed, k):
-    """What is said of a part by a catalogue that holds the other, and how many readings are off that one."""
+    """Return the answer about a part by a catalogue that holds the other, and the number of readings off that one."""
     own, sensing = steps()[name], SENSORS[s]
     other = steps()[next(x for x in STEPS if x != name)]
     rng = np.random.default_rng((seed, STEPS.index(name), s, n, k))
@@ -90,16 +90,16 @@ def variants(scenes, seed, keep, processes):
     for s in (0, 1):
         for low, high in ((0, 0), (1, 1), (2, 99)):
             rows = [r for c, r in done if c[1] == s and low <= r["off"] <= high]
-            said = [f"{sum(r['status'] == x for r in rows)}/{len(rows)}" for x in ("recognized", "unknown")]
+            rates = [f"{sum(r['status'] == x for r in rows)}/{len(rows)}" for x in ("recognized", "unknown")]
             off = f"{low}" if low == high else f"{low} or more"
-            table.append((SENSORS[s].name, off, *said, f"{sum(r['face'] for r in rows)}"))
-    columns = "sensor", "readings off the known part", "taken for it", "said to be unknown", "face named"
+            table.append((SENSORS[s].name, off, *rates, f"{sum(r['face'] for r in rows)}"))
+    columns = "sensor", "readings off the known part", "taken for it", "unknown", "face named"
     text = f"{' and '.join(STEPS)}, {scenes} scenes each, {', '.join(map(str, COUNTS))} readings, seed {seed}."
     return Table("One face elsewhere", text, columns, table)
 
 
 def run(scenes, seed, keep, processes):
-    """All scenes."""
+    """Return a table of all scenes."""
     cases = [
         (name, s, n, seed, k) for k in range(scenes) for s in range(len(SENSORS)) for n in COUNTS for name in PARTS
     ]
@@ -110,8 +110,8 @@ def run(scenes, seed, keep, processes):
         for n in COUNTS
     ]
     columns = (
-        "sensor", "readings", "taken for another", "said to be unknown", "P(none), mean",
-        "in the catalogue: named", "another named", "said to be unknown", "P(none), mean",
+        "sensor", "readings", "taken for another", "unknown", "P(none), mean",
+        "in the catalogue: named", "another named", "unknown", "P(none), mean",
     )  # fmt: skip
     return Table("Strangers", f"8 parts x {scenes} scenes a row, seed {seed}.", columns, rows)
 
