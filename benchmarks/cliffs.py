@@ -88,9 +88,9 @@ def touches(part, rng, n, sd):
 
 
 def question(parts, n, sd, *, own=None, with_normals=False):
-    """Return a function of a scene's number that asks and returns the processor time [ms] and whether it was right."""
+    """Return a function that identifies scene ``k``: processor time [ms], whether the part was right, and the status."""
 
-    def ask(k):
+    def identified(k):
         rng = np.random.default_rng((k, n))
         among = parts()
         part = among[k % len(among)] if own is None else own()
@@ -102,7 +102,7 @@ def question(parts, n, sd, *, own=None, with_normals=False):
         ms = 1e3 * (time.process_time() - start)
         return ms, bool(answer.hypotheses) and answer.hypotheses[0].part == part.name, answer.status
 
-    return ask
+    return identified
 
 
 ROWS = {
@@ -121,13 +121,13 @@ ROWS = {
 
 
 def main():
-    """Print the table of the rows that were asked for."""
+    """Print the table of the rows that the arguments name."""
     chosen = [name for name in ROWS if not sys.argv[1:] or any(word in name for word in sys.argv[1:])]
     lines = []
     for name in chosen:
-        ask, count = ROWS[name]
-        ask(count)  # prepares the parts
-        found = [ask(k) for k in range(count)]
+        identified, count = ROWS[name]
+        identified(count)  # prepares the parts
+        found = [identified(k) for k in range(count)]
         ms = [one[0] for one in found]
         statuses = ", ".join(sorted({one[2] for one in found}))
         right = f"{sum(one[1] for one in found)} of {count}"

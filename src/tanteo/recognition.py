@@ -152,18 +152,18 @@ def identify(
     meant: Finding | None = None
     if conventions:
         start = time.perf_counter()
-        question = Question(
+        query = Query(
             sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig,
             significance=significance, priors=priors, views=views, factors=factors, seed=seed, settings=settings,
         )  # fmt: skip
-        meant = about_conventions(answer, readings, parts, question, placed=placed, settings=settings)
+        meant = about_conventions(answer, readings, parts, query, placed=placed, settings=settings)
         answer = with_elapsed(answer, conventions=time.perf_counter() - start)
     meant = meant or frames  # what fits says more than what looks odd
     return answer if meant is None else answer.adding(meant)
 
 
-class Question:
-    """A question to :func:`identify` with all its options, to be asked again of other readings."""
+class Query:
+    """A call of :func:`identify` with all its options, to be repeated for other readings."""
 
     def __init__(self, **options: Any) -> None:
         """Keep the keyword arguments of :func:`identify`."""

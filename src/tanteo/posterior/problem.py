@@ -82,7 +82,7 @@ class Problem:
         return int(self.points.shared_jacobian.shape[2]) + sum(factor.states for factor in self.pose_factors)
 
     def may_fix(self, part: Part) -> bool:
-        """Whether there are enough measurements for the pose of a part; with fewer, the answer is insufficient."""
+        """Return whether there are enough measurements for the pose of a part; else the answer is insufficient."""
         if self.priors.pose is not None or self.pose_factors:
             return True
         symmetry = part.symmetry

@@ -1,8 +1,9 @@
 """Trial fits: whether a part may explain the readings at all, before a search is made for it.
 
 A trial fit moves coarse poses of each part onto the points by robust least squares, with a common offset of the points
-as one more state where one is asked for. It draws no samples and computes no evidence, so it takes milliseconds where
-a search takes tenths of a second. What passes a trial is not yet an answer; what fails it needs no search.
+as one more state where the caller states its standard deviation. It draws no samples and computes no evidence, so it
+takes milliseconds where a search takes tenths of a second. What passes a trial is not yet an answer; what fails it
+needs no search.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ class TrialFit:
     offset_sd: float
 
     def rejects(self, fraction: float) -> bool:
-        """Whether no part can explain that fraction of the points, as far as a trial can tell.
+        """Return whether no part explains that fraction of the points, as far as a trial fit can decide it.
 
         With fewer than twice as many points as a pose has degrees of freedom, coarse poses miss the right one too
         often: of 11 points in one scene of ten, of 20 points in none of 96 (``python benchmarks/conventions.py``).
@@ -54,7 +55,7 @@ class TrialFit:
         return self.count >= 2 * POSE_DOF and self.explained < fraction * self.count
 
     def is_without_offset(self, gate: float) -> bool:
-        """Whether the points are enough for a trial, and their common offset is no more than its noise."""
+        """Return whether the points suffice for a trial fit and their common offset is within its noise."""
         return self.count >= 2 * POSE_DOF and abs(self.offset) < gate * self.offset_sd
 
 
