@@ -25,12 +25,6 @@ ROOT = Path(__file__).resolve().parents[1]
 
 PENDING: tuple[str, ...] = (
     # One entry a line: a path that is not yet rewritten. Delete an entry when its folder has no findings.
-    "src/tanteo/_core/image",
-    #
-    "src/tanteo/_core/factors",
-    #
-    "src/tanteo/_core",
-    #
     "src/tanteo/fitting",
     #
     "src/tanteo/factors",
