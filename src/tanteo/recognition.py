@@ -1,4 +1,4 @@
-"""From readings to the answer: measure, recognise, say what is odd."""
+"""Identification and localization from readings: measurement, posterior, findings."""
 
 from __future__ import annotations
 
@@ -71,39 +71,40 @@ def identify(
     conventions: bool = True,
     settings: Settings = DEFAULTS,
 ) -> Answer:
-    """Which of the parts was sensed, and where it is.
+    """Return which of the parts was sensed, and its pose.
 
-    All readings go against the whole surface of every part. A label says that its readings share one face, edge or
-    corner, nothing else; a reading that contradicts its label still counts as a measurement.
+    All readings are compared with the whole surface of every part. A label states that its readings share one face,
+    edge or corner, nothing else; a reading that contradicts its label still counts as a measurement.
 
     Args:
-        readings: what the devices said; see ``tanteo.io.read_readings``.
+        readings: readings of the devices; see ``tanteo.io.read_readings``.
         parts: candidates; see ``tanteo.catalogue.read_parts``.
         sensor: preset for readings without an sd of their own.
-        sd: one standard deviation of a point along beam or normal [m], for the same. Of touches of which nobody said
-            any, the readings tell it.
+        sd: one standard deviation of a point along beam or normal [m], for readings without an sd of their own. For
+            touches it is estimated from the readings if neither it nor a sensor is given.
         tolerance: sd of the made part's surface against its CAD [m].
         robot: preset of robot errors; its absolute error is shared by all readings.
         tip_sd: sds of the tip's offset in the hand's frame [m], one draw for the run.
         bias_sd: sd of an error along the approach that all readings share [m]: of the ball's radius, the trigger point.
         rig: where range sensors sit on the hand.
-        significance: an answer whose joint test has a smaller p-value is not accepted.
+        significance: least p-value of the joint test at which a part is accepted.
         top: number of hypotheses to report.
         as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
-        priors: what is assumed beforehand: outliers, workspace, a prior pose, a box, a table.
-        views: images of the object on a table, from cameras that stand in the world of the readings. They enter the
-            one posterior beside the readings; at most 64 parts can be compared with them.
+        priors: assumptions: rate of outliers, workspace, prior pose, box, table.
+        views: images of the object on a table, from cameras whose poses are known in the world of the readings.
+            Readings and images share one posterior; at most 64 parts can be compared with images.
         factors: further measurements of the pose, such as a :class:`tanteo.PythonFactor` of your own.
-        seed: of the search.
-        conventions: where no part explains the readings, whether usual mistakes (units, directions, quaternions,
-            radius) are undone one by one and asked again; a finding names the one that fits. Each takes a search.
+        seed: seed of the random numbers.
+        conventions: whether, if no part explains the readings, usual mistakes (units, directions, quaternions, radius)
+            are undone one by one and the search is repeated; a finding names the mistake that fits. Each takes a
+            search.
         settings: numbers of the search, the sampler and the checks.
 
     Returns:
-        The answer with its status; an unkind world is not an exception.
+        The answer with its status. Readings that fit no part, or several, give a status and findings, not an exception.
 
     Raises:
-        InputError: if an argument or the readings cannot be what was meant.
+        InputError: an argument or a reading is outside its range, or two of them contradict each other.
 
     Example:
         >>> parts = tanteo.read_parts("parts/")
@@ -147,16 +148,16 @@ def identify(
     answer = with_elapsed(answer, measure=elapsed)
     frames = about_frames(answer, scale_of(measured.points, parts), measured, settings.checks)
 
-    def ask(readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = bias_sd) -> Answer:
+    def repeat(readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = bias_sd) -> Answer:
         return identify(
             readings, parts, sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd,
             rig=rig, significance=significance, top=1, priors=priors, views=views,
             factors=factors, seed=seed, conventions=False, settings=settings,
         )  # fmt: skip
 
-    meant = about_conventions(answer, readings, parts, ask, placed=placed, settings=settings) if conventions else None
-    meant = meant or frames  # what fits says more than what looks odd
-    return answer if meant is None else answer.adding(meant)
+    note = about_conventions(answer, readings, parts, repeat, placed=placed, settings=settings) if conventions else None
+    note = note or frames  # a mistake that explains the readings is more specific than an odd frame
+    return answer if note is None else answer.adding(note)
 
 
 def _factors(
@@ -184,7 +185,7 @@ def _factors(
 
 
 def _of_whole(answer: Answer, priors: Priors, parts: Sequence[Part], settings: Settings) -> WholeMismatch | None:
-    """Return how mass or size of the whole object contradict the part of the answer; None if they do not."""
+    """Return the finding that mass or size of the whole object contradict the answer; None if they agree."""
     if priors.whole is None or not answer.hypotheses or answer.status == "unknown":
         return None
     named = part_named(parts, answer.hypotheses[0].part)
@@ -193,7 +194,7 @@ def _of_whole(answer: Answer, priors: Priors, parts: Sequence[Part], settings: S
 
 
 def _with_estimated_noise(answer: Answer, sd: float) -> Answer:
-    """Return the answer with the estimate of a standard deviation that nobody stated, instead of its scatter."""
+    """Return the answer with the estimate of a standard deviation that was not given, instead of its scatter."""
     best = answer.hypotheses[0]
     if answer.status == "unknown" or best.dof <= 0:
         return answer.adding(NoNoiseStated())
@@ -209,7 +210,7 @@ def _with_noise_factor(
     sd: float | None,
     unstated: float | None,
 ) -> Priors:
-    """The priors with how well the noise is known, by where it comes from, unless it was said."""
+    """Return the priors with the prior of the noise factor, by the origin of the noise, unless it is given."""
     priors = priors or Priors()
     if priors.noise_factor is not None:
         return priors
@@ -240,30 +241,32 @@ def locate(
     conventions: bool = True,
     settings: Settings = DEFAULTS,
 ) -> Answer:
-    """Where the part is, given that it is this one (or none).
+    """Return the pose of a known part; the readings may still come from another object.
+
+    Arguments that are not explained here are those of :func:`identify`.
 
     Args:
-        readings: as of :func:`identify`.
-        part: the one.
-        sensor: as of :func:`identify`, like all that follow.
-        sd: one standard deviation of a point [m].
+        readings: readings of the devices.
+        part: the part.
+        sensor: preset for readings without an sd of their own.
+        sd: one standard deviation of a point along beam or normal [m], for readings without an sd of their own.
         tolerance: sd of the made part's surface [m].
         robot: preset of robot errors.
         tip_sd: sds of the tip's offset [m].
         bias_sd: sd of an offset along the approach [m].
         rig: where range sensors sit on the hand.
-        significance: least p-value of an answer.
+        significance: least p-value of the joint test at which the part is accepted.
         top: number of poses to report.
-        as_published: by the paper's constraints and tests.
-        priors: what is assumed beforehand.
-        views: images of the object beside the readings.
+        as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
+        priors: assumptions: rate of outliers, workspace, prior pose, box, table.
+        views: images of the object on a table, from cameras whose poses are known in the world of the readings.
         factors: further measurements of the pose.
-        seed: of the search.
-        conventions: whether usual mistakes are tried where it does not fit.
+        seed: seed of the random numbers.
+        conventions: whether usual mistakes are undone and searched again if the part does not fit.
         settings: numbers of the search, the sampler and the checks.
 
     Raises:
-        InputError: as :func:`identify`; or several parts.
+        InputError: as for :func:`identify`; or ``part`` is a sequence of parts.
 
     Example:
         >>> part = tanteo.read_part("parts/bracket_left.step")

@@ -23,7 +23,7 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 
 _PASSES = 200
-_SETTLED = 1e-13
+_CONVERGED = 1e-13
 
 
 def vertex_ml(points: Vectors, covs: Covariances) -> Estimate:
@@ -114,7 +114,7 @@ def intersect_lines(T: Transforms, P: Covariances) -> Corner:
         information = np.sum(EtW @ E, axis=-3)
         new = np.linalg.solve(information, np.sum(EtW @ offset[..., None], axis=-3))[..., 0]
         step, x = np.abs(new - x).max(initial=0.0), new
-        if step <= _SETTLED * np.abs(offset).max(initial=0.0):
+        if step <= _CONVERGED * np.abs(offset).max(initial=0.0):
             break
     cov = inverse_spd(information)
     r = (E @ x[..., None, :, None])[..., 0] - offset

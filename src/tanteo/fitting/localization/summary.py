@@ -78,13 +78,13 @@ def shared_estimates(
     errors: tuple[SharedError, ...],
     scale: FloatArray,
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return posterior mean and sd of each shared error, with the free directions ``N`` held."""
+    """Return posterior mean and sd of each shared error, with the free directions ``N`` fixed."""
     if not errors:
         return {}
-    held = np.array(information)
-    held[:6, :6] += hold_motions(N, scale, float(np.abs(information).max()))
-    cross = np.linalg.solve(held[:6, :6], held[:6, 6:])
-    covariance = np.linalg.inv(held[6:, 6:] - held[6:, :6] @ cross)
+    fixed = np.array(information)
+    fixed[:6, :6] += hold_motions(N, scale, float(np.abs(information).max()))
+    cross = np.linalg.solve(fixed[:6, :6], fixed[:6, 6:])
+    covariance = np.linalg.inv(fixed[6:, 6:] - fixed[6:, :6] @ cross)
     c, sd = L @ z, np.sqrt(np.maximum(np.diag(L @ covariance @ L.T), 0.0))
     out, i = {}, 0
     for error in errors:
