@@ -41,7 +41,7 @@ from tanteo.planning import (
     Session,
     Start,
     Stop,
-    around,
+    at_place,
     at_pose,
     begin,
     draw,
@@ -90,7 +90,7 @@ def panel(scenes, seed):
         path = Path(folder) / "panel.stl"
         path.write_text(stl(prism(outline, 200)))
         target = prepare(tanteo.read_part(path, unit="mm"))
-    start, rows = around([target], np.eye(4), np.diag(np.repeat([0.05, 0.065], 3) ** 2)), []
+    start, rows = at_place([target], np.eye(4), np.diag(np.repeat([0.05, 0.065], 3) ** 2)), []
     for sd in (5e-4, 2e-3):
         probe = Probe("touch", NoiseLaw.of(sd), contact=True, max_range=0.6, standoff=0.3, clearance=0.02)
         moved, turned, needed = [], [], []

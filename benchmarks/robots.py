@@ -32,7 +32,7 @@ MACHINES = ("fake:direct", "fake:grbl", "fake:linuxcnc", "fake:ur")
 
 
 def session(part, priors: Priors, *, turns: bool) -> Session:
-    held = {"stylus_behind": True} if turns else {"stylus": -DOWN}
+    held = {"stylus_along_motion": True} if turns else {"stylus": -DOWN}
     where = {"contact": True, "radius": 1e-3, "approach": DOWN, "cone": np.pi / 2, "standoff": 0.02, "clearance": 0.005}
     stop = Stop(tolerance=TOLERANCE, confidence=0.95, max_measurements=20)
     return Session(

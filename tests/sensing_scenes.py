@@ -19,7 +19,7 @@ from tanteo.planning import (
     SensingState,
     Session,
     Stop,
-    around,
+    at_place,
     corner_distances,
     policy_named,
 )
@@ -42,7 +42,7 @@ PLACE_SD = 0.015, 0.15
 def rough(targets, sd=PLACE_SD, priors=None):
     """The parts about the world's origin, and noise that is as stated."""
     priors = Priors(noise_factor=1.0) if priors is None else priors
-    return around(targets, np.eye(4), np.diag(np.repeat(sd, 3)) ** 2, priors)
+    return at_place(targets, np.eye(4), np.diag(np.repeat(sd, 3)) ** 2, priors)
 
 
 def log_densities(points, part, priors, Ts, zs=None, *, rays=None, mixtures=None):

@@ -16,7 +16,7 @@ import pytest
 
 import tanteo
 from bare_scenes import box_centred_pose, inside, nees, surface_points, touches_of
-from tanteo import Action, Session, around, plugins, read_part
+from tanteo import Action, Session, at_place, plugins, read_part
 from tanteo.cli import main
 from tanteo.errors import InputError, PartError, PluginError
 from tanteo.factors import FreeRays
@@ -90,7 +90,7 @@ def part():
 
 
 def test_a_policy_of_ones_own_chooses(added, part):
-    place = around([part], np.eye(4), np.diag([0.005] * 3 + [0.05] * 3) ** 2)
+    place = at_place([part], np.eye(4), np.diag([0.005] * 3 + [0.05] * 3) ** 2)
     laser = Probe("laser", NoiseLaw.of(3e-4), max_range=0.4, standoff=0.15)
     session = Session(place, laser, Sensing(sd=3e-4), policy=added["nearest"].NearestFirst())
     surface = Surface(part.vertices, part.triangles)
@@ -180,7 +180,7 @@ def test_a_relation_of_ones_own_is_calibrated(added):
 
 
 def test_a_utility_of_ones_own_chooses(added, part):
-    place = around([part], np.eye(4), np.diag([0.005] * 3 + [0.05] * 3) ** 2)
+    place = at_place([part], np.eye(4), np.diag([0.005] * 3 + [0.05] * 3) ** 2)
     laser = Probe("laser", NoiseLaw.of(3e-4), max_range=0.4, standoff=0.15)
     state = begin(place)
     context = DecisionContext(state, propose(state, laser, 300), laser, None, None, 0, 0)

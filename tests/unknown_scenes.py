@@ -15,7 +15,7 @@ from tanteo.planning import (
     Session,
     Start,
     Stop,
-    around,
+    at_place,
     corner_distances,
     hand_probe,
     policy_named,
@@ -68,7 +68,7 @@ def unknown_scene(targets, number, rng, *, told=True, cell=None, rest=None) -> U
     return Unknown(
         scene,
         T,
-        around(targets, T_world_place, spread),
+        at_place(targets, T_world_place, spread),
         Rules(clearance=CLEARANCE, workspace=Workspace.above(0.0, boxes)),
         Furniture(Scene.of([table, clamp] if told else [table]).surface),
         SimulatedHand(scene, gripper(), above, rng=rng, cell=cell or Cell()),

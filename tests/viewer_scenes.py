@@ -10,7 +10,7 @@ import tanteo.bench.demo
 from tanteo.geometry import SE3, SO3
 from tanteo.hand import Scene, Solid, Workspace, box
 from tanteo.parts import read_part
-from tanteo.planning import Session, Stop, around, policy_named
+from tanteo.planning import Session, Stop, at_place, policy_named
 from tanteo.posterior import prepare
 from tanteo.render import laser, probe_show, simulated
 from tanteo.render.live.player import HELP, YOUR_TURN
@@ -30,7 +30,7 @@ def maker(targets, **stop):
     part = targets[0].part
     truth = Solid.at("unknown", part.vertices, part.triangles, TRUE)
     place = TRUE @ SE3.from_parts(np.eye(3), part.centroid + np.array([0.004, -0.006, 0.001]))
-    start = around(targets, place, np.diag(np.repeat([8e-3, 0.06], 3) ** 2))
+    start = at_place(targets, place, np.diag(np.repeat([8e-3, 0.06], 3) ** 2))
     surfaces = Scene.of([truth]).surface, Scene.of([TABLE]).surface
 
     def make(seed, policy):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,7 @@ from tanteo.posterior import (
     Answer,
     Candidates,
     Priors,
+    Problem,
     Settings,
     about_conventions,
     about_frames,
@@ -33,6 +34,7 @@ from tanteo.posterior import (
     with_elapsed,
 )
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
+from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
     CheckPrior,
     EstimatedNoise,
@@ -148,16 +150,49 @@ def identify(
     answer = with_elapsed(answer, measure=elapsed)
     frames = about_frames(answer, scale_of(measured.points, parts), measured, settings.checks)
 
-    def repeat(readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = bias_sd) -> Answer:
-        return identify(
-            readings, parts, sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd,
-            rig=rig, significance=significance, top=1, priors=priors, views=views,
-            factors=factors, seed=seed, conventions=False, settings=settings,
+    note: Finding | None = None
+    if conventions:
+        start = time.perf_counter()
+        question = Question(
+            sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig,
+            significance=significance, priors=priors, views=views, factors=factors, seed=seed, settings=settings,
         )  # fmt: skip
-
-    note = about_conventions(answer, readings, parts, repeat, placed=placed, settings=settings) if conventions else None
+        note = about_conventions(answer, readings, parts, question, placed=placed, settings=settings)
+        answer = with_elapsed(answer, conventions=time.perf_counter() - start)
     note = note or frames  # a mistake that explains the readings is more specific than an odd frame
     return answer if note is None else answer.adding(note)
+
+
+class Question:
+    """Options of a call of :func:`identify`, with which it is repeated for other readings."""
+
+    def __init__(self, **options: Any) -> None:
+        """Keep the keyword arguments of :func:`identify`."""
+        self._options = options
+
+    def problem(self, readings: Readings, parts: Sequence[Part]) -> tuple[Problem, Candidates]:
+        """Return the measurements and priors of the inference for other readings, and its candidate parts."""
+        own, settings, tolerance = self._options, self._options.get("settings", DEFAULTS), self._options["tolerance"]
+        candidates = Candidates(parts)
+        unstated = unstated_sd(readings, sensor=own["sensor"], sd=own["sd"], rig=own["rig"])
+        sd = own["sd"] if unstated is None else unstated
+        known = {name: own[name] for name in ("sensor", "robot", "tip_sd", "bias_sd", "rig")}
+        measured = measure(readings, sd=sd, **known)
+        points = as_contact_points(measured, tolerance, readings.ranges.take(measured.rows))
+        priors = _with_noise_factor(own["priors"], readings, own["sensor"], own["sd"], unstated)
+        priors = sized(priors, float(candidates.radii.max()))
+        return Problem(points, as_free_rays(measured, tolerance), priors, settings=settings), candidates
+
+    def answer(self, readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = None) -> Answer:
+        """Return the answer for other readings or parts, without checks of conventions.
+
+        Args:
+            readings: the readings.
+            parts: the candidates.
+            bias_sd: sd of an error along the approach that all readings share [m]; None as in the first inference.
+        """
+        own = self._options if bias_sd is None else self._options | {"bias_sd": bias_sd}
+        return identify(readings, parts, **own, top=1, conventions=False)
 
 
 def _factors(

@@ -195,7 +195,7 @@ def test_a_full_disk_stops_before_the_next_motion(block, tmp_path, monkeypatch):
         monkeypatch.setattr(Journal, "keep", lambda *_: (_ for _ in ()).throw(InputError("disk: expected room")))
         with pytest.raises(InputError, match="disk"):
             probe_part(one, SafeMachine(machine, LIMITS), tmp_path / "run.json")
-        start = one.asked.origin
+        start = one.pending.origin
         assert np.allclose(machine.status().place, start)  # it went back from the part
     assert one.count == 0
 

@@ -17,7 +17,7 @@ from tanteo.errors import InputError
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import Start, around, at_pose, begin, chance_within, corner_distances, from_hypotheses, update
+from tanteo.planning import Start, at_place, at_pose, begin, chance_within, corner_distances, from_hypotheses, update
 from tanteo.posterior import Priors, identify_points, outlier_log_density, prepare
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
@@ -43,7 +43,7 @@ def test_before_the_first_reading_it_is_the_start(targets):
 
 def test_a_place_puts_the_centroid_of_every_part_there(targets):
     T = SE3.exp(np.array([0.3, -0.2, 0.1, 0.2, 0.4, -0.3]))
-    start = around(targets, T, np.diag(np.repeat([0.01, 0.1], 3) ** 2))
+    start = at_place(targets, T, np.diag(np.repeat([0.01, 0.1], 3) ** 2))
     for k, target in enumerate(targets):
         np.testing.assert_allclose(SE3.apply(start.Ts[k], target.part.centroid), T[:3, 3], atol=1e-12)
         J = np.hstack([np.eye(3), -_hat(target.part.centroid)])

@@ -127,7 +127,7 @@ class ProgramOptions:
 
         above = {} if approached else {"approach": _DOWN, "cone": math.pi / 2}
         down = program_language(self.program).points_down
-        stylus = {"stylus": [-v for v in _DOWN]} if down else {"stylus_behind": True}
+        stylus = {"stylus": [-v for v in _DOWN]} if down else {"stylus_along_motion": True}
         return stated | above | stylus
 
     def written(self, found: Plan, part: Part, probe: Probe, covariance: Covariances) -> str | None:

@@ -66,7 +66,7 @@ class FitReport:
 
 
 def make_report(estimate: Estimate, readings: Sequence[str]) -> FitReport:
-    """Return the report of one fit (no batch axes)."""
+    """Return the report of one fit, without batch axes, with the ids of its readings."""
     chi2, dof = float(estimate.chi2), estimate.dof
     k = int(np.argmax(np.abs(estimate.standardised)))
     return FitReport(

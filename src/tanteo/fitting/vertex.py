@@ -58,7 +58,18 @@ def fit_vertex(
     readings: Sequence[str] = (),
     shared: SharedReadings = (),
 ) -> tuple[Feature, FitReport]:
-    """Fit a vertex to sensed points; one point is enough. Arguments as :func:`tanteo.fitting.fit_edge`."""
+    """Fit a vertex to points sensed on it; one point is enough.
+
+    Args:
+        points: points ``(n, 3)`` in the world [m].
+        covs: their independent covariances ``(n, 3, 3)`` [m^2].
+        label: name of the feature.
+        readings: ids of the readings.
+        shared: errors that the points have in common, beyond ``covs``.
+
+    Raises:
+        InputError: for other shapes, or covariances that are not positive definite.
+    """
     points, covs = check_points(points, covs, 1, f"vertex {label!r}")
     if points.ndim != 2:
         raise InputError(f"vertex {label!r}, points: expected shape (n, 3), got {points.shape}. Use vertex_ml.")

@@ -10,6 +10,7 @@ from .grbl import GrblMachine as GrblMachine
 from .grbl_fake import GrblFake as GrblFake
 from .journal import Journal as Journal
 from .limits import MachineLimits as MachineLimits
+from .limits import tool_body as tool_body
 from .link import SerialLink as SerialLink
 from .link import TcpLink as TcpLink
 from .linuxcnc import LinuxCncMachine as LinuxCncMachine
@@ -34,6 +35,9 @@ from .run import Probed as Probed
 from .run import Turn as Turn
 from .run import probe_part as probe_part
 from .safe import SafeMachine as SafeMachine
+from .signals import Interrupted as Interrupted
+from .signals import stop_on_signals as stop_on_signals
+from .ur import UrMachine as UrMachine
 from .ur_fake import UrFake as UrFake
 from .ways import Ways as Ways
 from .world import World as World

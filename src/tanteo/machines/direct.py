@@ -30,7 +30,7 @@ class DirectMachine:
     def status(self) -> MachineStatus:
         """Return the current status."""
         state: MachineState = "stopped" if self._stopped else "moving" if self.tip.moving else "idle"
-        return MachineStatus(state, self.tip.place, self.tip.world.tripped(self.tip.place), 0.0, state)
+        return MachineStatus(state, self.tip.place, self.tip.tripped, 0.0, state)
 
     def move(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
         """Move straight to a pose; see :class:`~tanteo.machines.Machine`.
@@ -89,8 +89,11 @@ class DirectMachine:
         self.frames.append(text)
 
     def close(self) -> None:
-        """Stop permanently; there is nothing to disconnect."""
+        """Stop permanently, and wait until the tip rests; there is nothing to disconnect."""
         self.abort()
+        end = time.monotonic() + 1.0
+        while self.tip.moving and time.monotonic() < end:
+            time.sleep(0.002)
 
     def _check(self) -> None:
         if self._stopped:
@@ -98,7 +101,7 @@ class DirectMachine:
 
     def _go(self, goal: Vectors, speed: float, *, until_contact: bool) -> Ended:
         self._check()
-        if until_contact and self.tip.world.tripped(self.tip.place):
+        if until_contact and self.tip.tripped:
             raise ContactError("simulated tip: expected a free probe, got one in contact. Move it back first.")
         ended = self.tip.go(goal, speed, until_contact=until_contact)
         if ended == "stopped":

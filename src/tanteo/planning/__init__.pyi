@@ -4,7 +4,7 @@ from .candidates import within_cone as within_cone
 from .cell import CellCheck as CellCheck
 from .cell import CellError as CellError
 from .cell import check_cell as check_cell
-from .clearance import has_room as has_room
+from .clearance import has_clearance as has_clearance
 from .context import Choice as Choice
 from .context import DecisionContext as DecisionContext
 from .context import Policy as Policy
@@ -59,8 +59,8 @@ from .session.values import Step as Step
 from .shared import SharedAhead as SharedAhead
 from .start import ORIGIN_SDS as ORIGIN_SDS
 from .start import Start as Start
-from .start import around as around
 from .start import at_origin as at_origin
+from .start import at_place as at_place
 from .start import at_pose as at_pose
 from .start import from_hypotheses as from_hypotheses
 from .state import SensingState as SensingState

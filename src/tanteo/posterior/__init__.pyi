@@ -34,7 +34,7 @@ from .answers.status import doubt as doubt
 from .answers.status import verdict as verdict
 from .answers.whole_object import WholeObject as WholeObject
 from .candidates import Candidates as Candidates
-from .convention_checks import Search as Search
+from .convention_checks import Question as Question
 from .convention_checks import about_conventions as about_conventions
 from .diagnostics import face_elsewhere as face_elsewhere
 from .dominant_error import dominant_shared_error as dominant_shared_error

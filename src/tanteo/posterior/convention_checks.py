@@ -1,7 +1,7 @@
 """Checks of conventions: if the readings fit no part, undo usual mistakes one by one and search again.
 
-A mistake of convention displaces all readings, so only one interpretation of the numbers fits. The finding names the
-mistake but does not correct it: only the author of the file can confirm what the numbers mean.
+A mistake of convention moves everything far, so only one interpretation of the numbers fits. The finding names it and
+never applies it: only the author of the file can decide what the numbers mean.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ import numpy as np
 from tanteo.errors import TanteoError
 from tanteo.geometry import SE3
 from tanteo.geometry.limits import NOTABLE
-from tanteo.geometry.typing import BoolArray
 from tanteo.parts import Part, mirror_part, part_named
 from tanteo.posterior.answers.priors import STATED
 from tanteo.posterior.answers.results import Answer
-from tanteo.posterior.candidates import sizes_of
+from tanteo.posterior.candidates import Candidates, sizes_of
 from tanteo.posterior.conventions import HANDS, OTHERS, Mistake
 from tanteo.posterior.findings import fits_size, scale_of
-from tanteo.posterior.prepared import prepare
+from tanteo.posterior.problem import Problem
 from tanteo.posterior.settings import DEFAULTS, Settings
+from tanteo.posterior.trial_fit import TrialFit, trial_fit
 from tanteo.sensors import Column, Readings, thinned
 from tanteo.words import Finding
 from tanteo.words.findings import Convention, MirrorConvention, MirrorQuestion, OffsetQuestion, UnitsConvention
@@ -31,46 +31,55 @@ from tanteo.words.findings import Convention, MirrorConvention, MirrorQuestion, 
 _OFFSET = 0.03
 """Standard deviation of an unstated common offset, such as a ball's radius, over the size of the largest part."""
 
-_AIMED = 3
-"""Number of iterations in which touches without a direction get one from the pose."""
 
+class Question(Protocol):
+    """Options of an inference, with which it is repeated for other readings."""
 
-class Search(Protocol):
-    """Function that repeats the search; ``bias_sd`` is the sd of a shared error along all approach directions [m]."""
+    def problem(self, readings: Readings, parts: Sequence[Part]) -> tuple[Problem, Candidates]:
+        """Return the measurements and priors of the inference for other readings, and its candidate parts."""
 
-    def __call__(self, readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = None) -> Answer:
-        """Return the answer for these readings and parts."""
+    def answer(self, readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = None) -> Answer:
+        """Return the answer for other readings or parts, without checks of conventions.
+
+        Args:
+            readings: the readings.
+            parts: the candidates.
+            bias_sd: sd of an error along the approach that all readings share [m]; None as in the first inference.
+        """
 
 
 def about_conventions(
     answer: Answer,
     readings: Readings,
     parts: Sequence[Part],
-    search: Search,
+    question: Question,
     *,
     placed: bool = False,
     settings: Settings = DEFAULTS,
 ) -> Finding | None:
     """Return the usual mistake that explains readings that fit no part, or fit badly; None if there is none.
 
+    Each mistake is first tested by a robust fit of the points (:mod:`tanteo.posterior.trial_fit`); only if the fit
+    explains them, the search is repeated.
+
     Args:
         answer: answer from the unchanged readings.
         readings: the readings.
         parts: the candidates.
-        search: function that repeats the search, with the options of the answer.
+        question: options of the inference that gave the answer.
         placed: whether the pose has a prior, which a mirrored part would not satisfy.
         settings: settings of the inference.
     """
     if not is_bad(answer, settings):
-        return None if placed else _about_image(answer, readings, parts, search)
-    others = [one for one in OTHERS if not (placed and one.finding in (MirrorConvention, UnitsConvention))]
-    if _is_of_size(readings, parts, settings):  # in a smaller unit they would cover a small patch, which fits anywhere
-        others = [one for one in others if one.finding is not UnitsConvention]
+        return None if placed else _about_image(answer, readings, parts, question, settings)
+    others = [way for way in OTHERS if not (placed and way.finding in (MirrorConvention, UnitsConvention))]
+    if _is_of_size(readings, parts, settings):  # in another unit they would cover a small patch, which fits anywhere
+        others = [way for way in others if way.finding is not UnitsConvention]
     some = thinned(readings, settings.search.few_points)
     found = (
-        _first_that_fits(HANDS, some, parts, search, settings)
-        or _about_offset(some, parts, search, settings)
-        or _first_that_fits(others, some, parts, search, settings)
+        _about_ways(HANDS, some, parts, question, settings)
+        or _about_offset(some, parts, question, settings)
+        or _about_ways(others, some, parts, question, settings)
     )
     if found is None or len(some) == len(readings):
         return found
@@ -78,28 +87,28 @@ def about_conventions(
 
 
 def _is_of_size(readings: Readings, parts: Sequence[Part], settings: Settings) -> bool:
-    """Return whether the extent of the points is that of one of the parts; True without points."""
+    """Return whether the points, if there are some, have an extent that one of the parts may have."""
     points = readings.points.values
     scale = scale_of(points, parts)
     return not len(points) or fits_size(scale.span, scale.sizes, settings.checks)
 
 
-def _first_that_fits(
-    conventions: Sequence[Mistake], readings: Readings, parts: Sequence[Part], search: Search, settings: Settings
+def _about_ways(
+    ways: Sequence[Mistake], readings: Readings, parts: Sequence[Part], question: Question, settings: Settings
 ) -> Convention | None:
     """Return the first interpretation of the numbers that fits; None if there is none."""
-    for one in conventions:
-        meant = one.undo(readings)
-        if meant is not None and one.finding is UnitsConvention and not _is_of_size(meant, parts, settings):
+    for way in ways:
+        meant = way.undo(readings)
+        if meant is not None and way.finding is UnitsConvention and not _is_of_size(meant, parts, settings):
             continue
-        found = None if meant is None else _searched(search, meant, parts)
+        found = None if meant is None else _answer_to(question, meant, parts, settings.search.explained)
         if found is not None and fits(found, settings):
-            return one.finding(*_fitting(found), one.mistake)
+            return way.finding(*_fitting(found), way.mistake)
     return None
 
 
 def is_bad(answer: Answer, settings: Settings = DEFAULTS) -> bool:
-    """Return whether no part explains the readings, or the best part leaves many outliers or large residuals."""
+    """Return whether no part explains the readings, or one does with many outliers or much noise."""
     best = answer.best or (answer.hypotheses[0] if answer.hypotheses else None)
     if answer.status == "unknown" or best is None:
         return answer.status == "unknown"
@@ -108,17 +117,23 @@ def is_bad(answer: Answer, settings: Settings = DEFAULTS) -> bool:
 
 
 def fits(answer: Answer, settings: Settings = DEFAULTS) -> bool:
-    """Return whether a part explains the readings with no more outliers and noise than expected."""
+    """Return whether a part explains the readings without many outliers or much noise."""
     if answer.status not in ("recognized", "ambiguous", "insufficient") or not answer.hypotheses:
         return False
     best = answer.hypotheses[0]
     return answer.unknown_probability < 0.5 and not is_bad(answer, settings) and best.dof > 0
 
 
-def _searched(search: Search, readings: Readings, parts: Sequence[Part], bias_sd: float | None = None) -> Answer | None:
-    """Return the answer; None if the search rejects the changed readings."""
+def _answer_to(question: Question, readings: Readings, parts: Sequence[Part], least: float) -> Answer | None:
+    """Return the answer to other readings, if a trial fit explains at least that fraction of the points.
+
+    None also if the other readings are invalid.
+    """
     try:
-        return search(readings, parts) if bias_sd is None else search(readings, parts, bias_sd=bias_sd)
+        trial = trial_fit(*question.problem(readings, parts))
+        if trial is not None and trial.rejects(least):
+            return None
+        return question.answer(readings, parts)
     except TanteoError:
         return None
 
@@ -129,15 +144,17 @@ def _fitting(answer: Answer) -> tuple[str, int, int]:
     return best.part, len(best.pairings), len(best.pairings) + len(best.outliers)
 
 
-def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], search: Search) -> MirrorQuestion | None:
-    """Return the finding that all readings fit the mirror image of a part, but not the part; None if they do not."""
+def _about_image(
+    answer: Answer, readings: Readings, parts: Sequence[Part], question: Question, settings: Settings
+) -> MirrorQuestion | None:
+    """Return the question of a mirror image that fits all readings where the part does not; None if none does."""
     if readings.Ts_world_hand.given.any() or answer.best is None or not answer.best.outliers:
         return None
     part = part_named(parts, answer.best.part)
     if part is None:
         return None
     image = mirror_part(part)
-    found = _searched(search, readings, [part, image])
+    found = _answer_to(question, readings, [part, image], settings.search.explained)
     best = found.best if found is not None else None
     if best is None or best.part != image.name or best.outliers or best.probability < 1 - NOTABLE:
         return None
@@ -145,16 +162,20 @@ def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], sear
 
 
 def _about_offset(
-    readings: Readings, parts: Sequence[Part], search: Search, settings: Settings
+    readings: Readings, parts: Sequence[Part], question: Question, settings: Settings
 ) -> OffsetQuestion | None:
-    """Return the finding that all readings fit if one distance is added along all directions; None if they do not."""
+    """Return the question of one common offset with which all readings fit; None if there is none."""
     sd = _OFFSET * max(sizes_of(parts))
-    found = _searched(search, readings, parts, sd)
-    for _ in range(_AIMED if _is_bare(readings).any() else 0):
-        found = None if found is None else _searched(search, _aimed(found, readings, parts), parts, sd)
-        if found is not None and fits(found, settings):
-            break
-    if found is None or not fits(found, settings):
+    try:
+        trial = trial_fit(*question.problem(readings, parts), offset_sd=sd)
+        if trial is not None:
+            if trial.rejects(settings.search.explained) or trial.is_without_offset(settings.search.gate):
+                return None
+            readings = _aimed(readings, trial)
+        found = question.answer(readings, parts, bias_sd=sd)
+    except TanteoError:
+        return None
+    if not fits(found, settings):
         return None
     shared = found.hypotheses[0].shared
     if shared is None or not len(shared.mean):
@@ -166,19 +187,10 @@ def _about_offset(
     return OffsetQuestion(*_fitting(found), off, touched)
 
 
-def _is_bare(readings: Readings) -> BoolArray:
-    """Return which touches have neither direction nor normal ``(n,)``, so that an offset has no direction yet."""
-    return np.asarray(readings.points.given & ~readings.directions.given & ~readings.normals.given)
-
-
-def _aimed(answer: Answer, readings: Readings, parts: Sequence[Part]) -> Readings:
-    """Return touches without direction with the normal of the best answer's part as approach direction."""
-    bare = _is_bare(readings)
-    if not answer.hypotheses:
-        return readings
-    best = answer.hypotheses[0]
-    part = part_named(parts, best.part)
-    surface, T = prepare(part).surface, best.T_world_part
+def _aimed(readings: Readings, trial: TrialFit) -> Readings:
+    """Return touches that have neither direction nor normal with the inward normal of a trial fit as direction."""
+    bare = np.asarray(readings.points.given & ~readings.directions.given & ~readings.normals.given)
+    surface, T = trial.part.surface, trial.T_world_part
     found = surface.closest(SE3.apply(SE3.inverse(T), readings.points[bare]))
     inwards = Column(bare, -surface.normals[found.triangles] @ T[:3, :3].T)
     return replace(readings, directions=inwards.coalesce(readings.directions))

@@ -41,7 +41,7 @@ def part(parts):
 
 @pytest.fixture(scope="module")
 def jobs(part):
-    upright, behind = job_for(part, stylus=[0, 0, 1]), job_for(part, stylus_behind=True)
+    upright, behind = job_for(part, stylus=[0, 0, 1]), job_for(part, stylus_along_motion=True)
     return {name: upright if name in AXES_3 else behind for name in PROGRAMS.builtin}
 
 

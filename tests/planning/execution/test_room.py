@@ -10,7 +10,7 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.hand import ForbiddenBox, Rules, Workspace
 from tanteo.parts import signed_distance
-from tanteo.planning import FreeSpace, PossiblePoses, approach_poses, around, begin, hand_probe, propose, reachable
+from tanteo.planning import FreeSpace, PossiblePoses, approach_poses, at_place, begin, hand_probe, propose, reachable
 from tanteo.planning.execution.approach import approach_path, back, route
 
 RULES = Rules(clearance=0.012, workspace=Workspace.above(0.0))
@@ -18,7 +18,7 @@ LYING = SE3.from_parts(np.eye(3), [0.0, 0.0, 0.03])
 
 
 def believed(targets, sd=0.005):
-    return begin(around(targets, LYING, np.diag(np.repeat([sd, min(10 * sd, 3.0)], 3)) ** 2))
+    return begin(at_place(targets, LYING, np.diag(np.repeat([sd, min(10 * sd, 3.0)], 3)) ** 2))
 
 
 def exact_gap(body, possible, T):

@@ -109,7 +109,8 @@ struct NearestElement {
     bool contradicted = false; // whether the sensor would be on the inner side of the surface
     double distance = 0;       // signed residual [m]
     Vec3 direction;            // of the residual
-    Vec3 normal;               // of the surface, if a normal was sensed; zero otherwise
+    Vec3 normal;               // of the surface, if a sensed normal is compared; zero otherwise
+    double along = 1;          // cosine between approach and residual: derivative of the residual by an offset along the approach
 };
 
 // The element nearest to a measurement without a component, for messages.

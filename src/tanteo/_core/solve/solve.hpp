@@ -8,14 +8,22 @@ namespace tanteo {
 
 struct RefinedPose {
     Pose pose;
-    double cost = 0;  // robust cost at the last scale: 4 for a distant point
-    int from = 0;     // index of its start
+    double cost = 0;    // robust cost at the last scale: 4 for a distant point
+    int from = 0;       // index of its start
+    double offset = 0;  // common offset of all points along their approach [m]; 0 without a prior for it
 };
 
 // Robust ICP of the points in rows to the nearest surface, at scales from coarse to fine [m]. Poses of much higher cost
-// than the best are dropped.
+// than the best are dropped. With offset_sd > 0 [m], the prior of it, all points have a common offset along their approach,
+// or along the surface's normal if no approach is known.
 std::vector<RefinedPose> refine_poses(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
-                            const std::vector<double>& scales, const std::vector<Pose>& starts);
+                                      const std::vector<double>& scales, const std::vector<Pose>& starts,
+                                      double offset_sd = 0);
+
+// Signed distances of points from the nearest element at a refined pose, with the offset [m]; infinite if the part has no
+// such element, or if it is approached from the inner side.
+std::vector<double> distances_at(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
+                                 const RefinedPose& at);
 
 // A maximum of the log density, with the information there.
 struct Maximum {

@@ -33,7 +33,7 @@ def covariance_with_free(information: FloatArray, N: Tangents, scale: FloatArray
 
 
 def hold_motions(N: Tangents, scale: FloatArray, strength: float) -> FloatArray:
-    """Return information that keeps steps off the motions ``N``, tangents over the ``scale``."""
+    """Return information ``(6, 6)`` of this strength along unobserved motions ``N``, so that steps avoid them."""
     rows = N @ np.linalg.inv(scale)
     return strength * rows.T @ rows
 
@@ -58,7 +58,7 @@ def pairing_distances(blocks: list[Block], order: list[int], T: Transforms, z: F
 
 
 def alternatives(solution: Solution, best: int, covariance: Covariances) -> Transforms:
-    """Return other fixed points with about the same chi-square, each once."""
+    """Return other poses ``(k, 4, 4)`` at which the fit converged with about the chi-square of the best, each once."""
     kept = [solution.T_world_part[best]]
     weight = np.linalg.inv(covariance)
     for i in np.argsort(solution.chi2):

@@ -18,7 +18,7 @@ from tanteo.planning import (
     Start,
     Stop,
     acquirable,
-    around,
+    at_place,
     hand_probe,
     policy_named,
     reachable,
@@ -43,7 +43,7 @@ def prior_start(scene: SceneFile, targets: Sequence[PreparedPart], known: PosePr
         n = len(targets)
         Ts, covariances = (np.repeat(a[None], n, axis=0) for a in (known.T_world_part, known.covariance))
         return Start(tuple(targets), np.arange(n), Ts, covariances, np.ones(n), Priors())
-    return None if scene.prior is None else around(targets, scene.prior.T, scene.prior.C)
+    return None if scene.prior is None else at_place(targets, scene.prior.T, scene.prior.C)
 
 
 def start_of(

@@ -18,7 +18,7 @@ _MOSTLY = 0.9
 
 
 def split_by_symmetry(part: Part, free: Tangents, covariance: Covariances) -> tuple[Tangents, Covariances]:
-    """Return the unobserved motions that no symmetry explains, and the covariance without variance along the symmetries.
+    """Return unobserved motions that no symmetry explains, and the covariance without variance along symmetries.
 
     Args:
         part: the part.

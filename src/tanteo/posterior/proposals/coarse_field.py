@@ -21,7 +21,14 @@ from tanteo.posterior.sampling.peaks import spread_rows
 
 
 def evaluate_fields(
-    problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray, *, thorough: bool = False
+    problem: Problem,
+    points: ContactPoints,
+    candidates: Candidates,
+    rows: IntArray,
+    *,
+    thorough: bool = False,
+    offset: float = 0.0,
+    offset_sd: float = 0.0,
 ) -> tuple[FloatArray, dict[int, Transforms]]:
     """Return the rough cost of the points on each part [nats] ``(m,)``, and poses of promising parts by row.
 
@@ -31,8 +38,10 @@ def evaluate_fields(
         candidates: all parts.
         rows: rows of the parts that are evaluated ``(m,)``.
         thorough: whether to refine more poses, and to return some of every part.
+        offset: distance of all points outward from the surface that is assumed [m].
+        offset_sd: its standard deviation [m].
     """
-    evaluation = _Evaluation(problem, points, thorough=thorough)
+    evaluation = _Evaluation(problem, points, thorough=thorough, offset=offset, offset_sd=offset_sd)
     best = evaluation.own.cost_point * len(evaluation.at)
     costs, poses = np.full(len(rows), best), dict[int, Transforms]()
     for start, table in candidates.fields:
@@ -48,7 +57,9 @@ def evaluate_fields(
 class _Evaluation:
     """Some of the points, far from each other, as the core evaluates them."""
 
-    def __init__(self, problem: Problem, points: ContactPoints, *, thorough: bool) -> None:
+    def __init__(
+        self, problem: Problem, points: ContactPoints, *, thorough: bool, offset: float, offset_sd: float
+    ) -> None:
         own = self.own = problem.settings.search
         factor = float(np.exp(problem.scale_sd)) if problem.scale_sd else 1.0
         usable = np.flatnonzero(~points.centres)
@@ -56,9 +67,9 @@ class _Evaluation:
         shared = float(np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1)))
         self.at = np.ascontiguousarray(points.points[spread])
         self.normals = np.ascontiguousarray(np.where(points.oriented[spread, None], points.normals[spread], 0.0))
-        self.sds = np.hypot(factor * points.sd[spread], shared)
+        self.sds = np.hypot(factor * points.sd[spread], np.hypot(shared, offset_sd))
         self.tilts = np.where(points.oriented[spread], points.normal_sds[spread], 1.0)
-        self.radii = np.ascontiguousarray(points.radii[spread])
+        self.radii = np.ascontiguousarray(points.radii[spread] + offset)
         self.gap = np.inf if thorough else own.negligible
         more = own.few_points / len(spread)  # few points discriminate poses less well
         self.stepped = int(min(more, 3.0) * own.few_points) * (own.thorough if thorough else 1)
