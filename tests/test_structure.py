@@ -22,8 +22,8 @@ MOST = {
     "files that ask for kinds in C++": 0,
     "kinds asked for in Python": 0,
     "files that ask for kinds in Python": 0,
-    "code lines of Python in the judged packages": 10224,
-    "code lines of C++": 9600,
+    "code lines of Python in the judged packages": 10223,
+    "code lines of C++": 9592,
     "words of docs": 33500,
     "live decisions": 40,
 }
