@@ -88,7 +88,7 @@ def touches(part, rng, n, sd):
 
 
 def question(parts, n, sd, *, own=None, with_normals=False):
-    """Return a function that identifies scene ``k``: processor time [ms], whether the part was right, and the status."""
+    """Return a function that identifies scene ``k``: processor time [ms], whether the part is right, and status."""
 
     def identified(k):
         rng = np.random.default_rng((k, n))

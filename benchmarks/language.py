@@ -27,20 +27,6 @@ ROOT = Path(__file__).resolve().parents[1]
 
 PENDING: tuple[str, ...] = (
     # One entry a line: a path that is not yet rewritten. Delete an entry when its folder has no findings.
-    "src/tanteo/_core/image",
-    #
-    "src/tanteo/_core/factors",
-    #
-    "src/tanteo/_core",
-    #
-    "src/tanteo/fitting",
-    #
-    "src/tanteo/factors",
-    #
-    "src/tanteo/words",
-    #
-    "src/tanteo/recognition.py",
-    #
     # Tests that repeat a message or a name of the program: change both together.
     "tests/cli/test_replay.py",
     #

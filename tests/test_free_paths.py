@@ -76,7 +76,7 @@ def test_a_free_space_ray_discriminates_twins(steps, labels):
     assert answer.hypotheses[0].part == low.name
     odds = [by_part(a, low.name) / max(by_part(a, high.name), 1e-12) for a in (alone, answer)]
     assert odds[1] > 30 * odds[0]  # 49 for each path, if the pose were exact: the steps differ by 3 mm
-    assert "paths on which nothing was met" not in answer.message
+    assert "free-space paths" not in answer.message
 
 
 @pytest.mark.parametrize("labels", [True, False])
@@ -90,7 +90,7 @@ def test_a_path_through_the_part_is_named_with_how_far(steps, labels):
     readings = sensed(low, T, np.argsort(-low.planes.areas)[:7], [beside, (start, d)], rng, labels)
     answer = identify(readings, [low])
     text = f"{readings.ids[-1]} (by {float(f'{1e3 * (LENGTH - distance):.2g}'):.0f} mm)."
-    assert f"blocks 1 of 2 paths on which nothing was met: {text}" in answer.message
+    assert f"blocks 1 of 2 free-space paths: {text}" in answer.message
 
 
 def test_a_labelled_part_in_way_of_many_paths_is_none_of_these(steps):

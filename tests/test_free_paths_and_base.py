@@ -94,7 +94,7 @@ def test_the_covariance_in_the_world_is_as_wide_as_base_makes_it(answers):
 
 @pytest.mark.slow
 def test_no_passing_path_is_reported_as_through_the_part(answers):
-    assert not [a.message for *_, a in answers if "paths on which nothing was met" in a.message]
+    assert not [a.message for *_, a in answers if "free-space paths" in a.message]
 
 
 @pytest.mark.parametrize("labels", [True, False])
@@ -104,7 +104,7 @@ def test_a_path_through_the_middle_is_named_also_with_base_off(targets, labels):
     T, paths = box_centred_pose(rng), [(p - 0.5 * LENGTH * d, d), *grazing(target, 3, rng)]
     readings = labelled(target, T, paths, rng) if labels else seen(T, *beams(target, 20, rng), paths, rng)
     answer = identify(readings, [target.part], robot=ROBOT)
-    assert f"blocks 1 of 4 paths on which nothing was met: {readings.ids[-4]} (" in answer.message
+    assert f"blocks 1 of 4 free-space paths: {readings.ids[-4]} (" in answer.message
 
 
 def test_labelled_parts_are_weighed_with_free_space_rays(targets):
@@ -116,7 +116,7 @@ def test_labelled_parts_are_weighed_with_free_space_rays(targets):
         answers = [identify(some, [target.part], robot=ROBOT) for some in (readings, readings.take(~readings.is_free))]
         seen_free = answers[0].hypotheses[0]
         alone = min(answers[1].hypotheses, key=lambda h: off(target.part, seen_free.T_world_part, h.T_world_part)[0])
-        assert "paths on which nothing was met" not in answers[0].message or answers[1].status == "ambiguous"
+        assert "free-space paths" not in answers[0].message or answers[1].status == "ambiguous"
         assert off(target.part, seen_free.T_world_part, alone.T_world_part)[0] < 0.2 * alone.corner_sd
         assert seen_free.probability > alone.probability - 0.02
 

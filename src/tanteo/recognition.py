@@ -1,4 +1,4 @@
-"""From readings to the answer: measure, recognise, say what is odd."""
+"""Identification and localization from readings: measurement, posterior, findings."""
 
 from __future__ import annotations
 
@@ -73,39 +73,40 @@ def identify(
     conventions: bool = True,
     settings: Settings = DEFAULTS,
 ) -> Answer:
-    """Which of the parts was sensed, and where it is.
+    """Return which of the parts was sensed, and its pose.
 
-    All readings go against the whole surface of every part. A label says that its readings share one face, edge or
-    corner, nothing else; a reading that contradicts its label still counts as a measurement.
+    All readings are compared with the whole surface of every part. A label states that its readings share one face,
+    edge or corner, nothing else; a reading that contradicts its label still counts as a measurement.
 
     Args:
-        readings: what the devices said; see ``tanteo.io.read_readings``.
+        readings: readings of the devices; see ``tanteo.io.read_readings``.
         parts: candidates; see ``tanteo.catalogue.read_parts``.
         sensor: preset for readings without an sd of their own.
-        sd: one standard deviation of a point along beam or normal [m], for the same. Of touches of which nobody said
-            any, the readings tell it.
+        sd: one standard deviation of a point along beam or normal [m], for readings without an sd of their own. For
+            touches it is estimated from the readings if neither it nor a sensor is given.
         tolerance: sd of the made part's surface against its CAD [m].
         robot: preset of robot errors; its absolute error is shared by all readings.
         tip_sd: sds of the tip's offset in the hand's frame [m], one draw for the run.
         bias_sd: sd of an error along the approach that all readings share [m]: of the ball's radius, the trigger point.
         rig: where range sensors sit on the hand.
-        significance: an answer whose joint test has a smaller p-value is not accepted.
+        significance: least p-value of the joint test at which a part is accepted.
         top: number of hypotheses to report.
         as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
-        priors: what is assumed beforehand: outliers, workspace, a prior pose, a box, a table.
-        views: images of the object on a table, from cameras that stand in the world of the readings. They enter the
-            one posterior beside the readings; at most 64 parts can be compared with them.
+        priors: assumptions: rate of outliers, workspace, prior pose, box, table.
+        views: images of the object on a table, from cameras whose poses are known in the world of the readings.
+            Readings and images share one posterior; at most 64 parts can be compared with images.
         factors: further measurements of the pose, such as a :class:`tanteo.PythonFactor` of your own.
-        seed: of the search.
-        conventions: where no part explains the readings, whether usual mistakes (units, directions, quaternions,
-            radius) are undone one by one and asked again; a finding names the one that fits. Each takes a search.
+        seed: seed of the random numbers.
+        conventions: whether, if no part explains the readings, usual mistakes (units, directions, quaternions, radius)
+            are undone one by one and the search is repeated; a finding names the mistake that fits. Each takes a
+            search.
         settings: numbers of the search, the sampler and the checks.
 
     Returns:
-        The answer with its status; an unkind world is not an exception.
+        The answer with its status. Readings that fit no part, or several, give a status and findings, not an exception.
 
     Raises:
-        InputError: if an argument or the readings cannot be what was meant.
+        InputError: an argument or a reading is outside its range, or two of them contradict each other.
 
     Example:
         >>> parts = tanteo.read_parts("parts/")
@@ -149,28 +150,28 @@ def identify(
     answer = with_elapsed(answer, measure=elapsed)
     frames = about_frames(answer, scale_of(measured.points, parts), measured, settings.checks)
 
-    meant: Finding | None = None
+    note: Finding | None = None
     if conventions:
         start = time.perf_counter()
-        query = Query(
+        question = Query(
             sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig,
             significance=significance, priors=priors, views=views, factors=factors, seed=seed, settings=settings,
         )  # fmt: skip
-        meant = about_conventions(answer, readings, parts, query, placed=placed, settings=settings)
+        note = about_conventions(answer, readings, parts, question, placed=placed, settings=settings)
         answer = with_elapsed(answer, conventions=time.perf_counter() - start)
-    meant = meant or frames  # what fits says more than what looks odd
-    return answer if meant is None else answer.adding(meant)
+    note = note or frames  # a mistake that explains the readings is more specific than an odd frame
+    return answer if note is None else answer.adding(note)
 
 
 class Query:
-    """A call of :func:`identify` with all its options, to be repeated for other readings."""
+    """Options of a call of :func:`identify`, with which it is repeated for other readings."""
 
     def __init__(self, **options: Any) -> None:
         """Keep the keyword arguments of :func:`identify`."""
         self._options = options
 
     def problem(self, readings: Readings, parts: Sequence[Part]) -> tuple[Problem, Candidates]:
-        """Return the measurements with their priors, and the candidate parts."""
+        """Return the measurements and priors of the inference for other readings, and its candidate parts."""
         own, settings, tolerance = self._options, self._options.get("settings", DEFAULTS), self._options["tolerance"]
         candidates = Candidates(parts)
         unstated = unstated_sd(readings, sensor=own["sensor"], sd=own["sd"], rig=own["rig"])
@@ -183,7 +184,13 @@ class Query:
         return Problem(points, as_free_rays(measured, tolerance), priors, settings=settings), candidates
 
     def answer(self, readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = None) -> Answer:
-        """Search and return the answer; ``bias_sd`` is the sd of a shared error along all approach directions [m]."""
+        """Return the answer for other readings or parts, without checks of conventions.
+
+        Args:
+            readings: the readings.
+            parts: the candidates.
+            bias_sd: sd of an error along the approach that all readings share [m]; None as in the first inference.
+        """
         own = self._options if bias_sd is None else self._options | {"bias_sd": bias_sd}
         return identify(readings, parts, **own, top=1, conventions=False)
 
@@ -213,7 +220,7 @@ def _factors(
 
 
 def _of_whole(answer: Answer, priors: Priors, parts: Sequence[Part], settings: Settings) -> WholeMismatch | None:
-    """Return how mass or size of the whole object contradict the part of the answer; None if they do not."""
+    """Return the finding that mass or size of the whole object contradict the answer; None if they agree."""
     if priors.whole is None or not answer.hypotheses or answer.status == "unknown":
         return None
     named = part_named(parts, answer.hypotheses[0].part)
@@ -222,7 +229,7 @@ def _of_whole(answer: Answer, priors: Priors, parts: Sequence[Part], settings: S
 
 
 def _with_estimated_noise(answer: Answer, sd: float) -> Answer:
-    """Return the answer with the estimate of a standard deviation that nobody stated, instead of its scatter."""
+    """Return the answer with the estimate of a standard deviation that was not given, instead of its scatter."""
     best = answer.hypotheses[0]
     if answer.status == "unknown" or best.dof <= 0:
         return answer.adding(NoNoiseStated())
@@ -238,7 +245,7 @@ def _with_noise_factor(
     sd: float | None,
     unstated: float | None,
 ) -> Priors:
-    """The priors with how well the noise is known, by where it comes from, unless it was said."""
+    """Return the priors with the prior of the noise factor, by the origin of the noise, unless it is given."""
     priors = priors or Priors()
     if priors.noise_factor is not None:
         return priors
@@ -269,30 +276,32 @@ def locate(
     conventions: bool = True,
     settings: Settings = DEFAULTS,
 ) -> Answer:
-    """Where the part is, given that it is this one (or none).
+    """Return the pose of a known part; the readings may still come from another object.
+
+    Arguments that are not explained here are those of :func:`identify`.
 
     Args:
-        readings: as of :func:`identify`.
-        part: the one.
-        sensor: as of :func:`identify`, like all that follow.
-        sd: one standard deviation of a point [m].
+        readings: readings of the devices.
+        part: the part.
+        sensor: preset for readings without an sd of their own.
+        sd: one standard deviation of a point along beam or normal [m], for readings without an sd of their own.
         tolerance: sd of the made part's surface [m].
         robot: preset of robot errors.
         tip_sd: sds of the tip's offset [m].
         bias_sd: sd of an offset along the approach [m].
         rig: where range sensors sit on the hand.
-        significance: least p-value of an answer.
+        significance: least p-value of the joint test at which the part is accepted.
         top: number of poses to report.
-        as_published: by the paper's constraints and tests.
-        priors: what is assumed beforehand.
-        views: images of the object beside the readings.
+        as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
+        priors: assumptions: rate of outliers, workspace, prior pose, box, table.
+        views: images of the object on a table, from cameras whose poses are known in the world of the readings.
         factors: further measurements of the pose.
-        seed: of the search.
-        conventions: whether usual mistakes are tried where it does not fit.
+        seed: seed of the random numbers.
+        conventions: whether usual mistakes are undone and searched again if the part does not fit.
         settings: numbers of the search, the sampler and the checks.
 
     Raises:
-        InputError: as :func:`identify`; or several parts.
+        InputError: as for :func:`identify`; or ``part`` is a sequence of parts.
 
     Example:
         >>> part = tanteo.read_part("parts/bracket_left.step")

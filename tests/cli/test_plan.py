@@ -41,7 +41,7 @@ def test_a_plan_as_text_csv_and_json(run, tmp_path):
     assert document["room"] > 0.9
     words = " ".join(got.out.split())
     assert f"P = {last['within_tolerance']:.3f} over all placements" in words
-    assert f"{last['within_tolerance_if_met']:.3f} if every reading meets its face" in words
+    assert f"{last['within_tolerance_if_met']:.3f} if every reading hits its face" in words
 
 
 def test_a_rough_prior_pose_can_be_stated(run):
@@ -69,7 +69,7 @@ def test_a_start_too_close_to_a_prior_pose_gives_no_plan(run):
         "--max-measurements", "5",
     )  # fmt: skip
     assert got.code == 3
-    assert "within 4 mm of the part, or in it" in " ".join(got.out.split())
+    assert "within 4 mm of the part, or inside it" in " ".join(got.out.split())
 
 
 @pytest.mark.slow

@@ -80,7 +80,7 @@ def test_valid_questions_are_answered(seed):
     answers += [*_core.marginals(shape, core, Ts[:2], zs[:2]), _core.details(shape, core, Ts[:2], zs[:2])[0]]
     rows = np.arange(len(q.points), dtype=np.int32)
     answers += [_core.scores(shape, core, rows, Ts, scale, 0.3)]
-    answers += _core.settle(shape, core, rows, np.array([scale]), Ts[:2])[:2]
+    answers += _core.refine_poses(shape, core, rows, np.array([scale]), Ts[:2])[:2]
     pairs = rows[: len(rows) // 2 * 2]
     answers += _core.propose(shape, core, rows, pairs, 5, 4, scale, scale, 0.3, 5, seed)
     for answer in answers:
@@ -207,7 +207,7 @@ def test_poses_are_checked_everywhere():
         lambda T: _core.marginals(shape, core, T, none),
         lambda T: _core.maximize(shape, core, T, none, np.zeros(0), 5, 1e-3, 10.0),
         lambda T: _core.scores(shape, core, rows, T, 1.0, 1.0),
-        lambda T: _core.settle(shape, core, rows, np.ones(1), T),
+        lambda T: _core.refine_poses(shape, core, rows, np.ones(1), T),
         lambda T: _core.place(T, x, np.zeros(3)),
         lambda T: _core.offsets(np.eye(4), T, np.zeros(3)),
         lambda T: _core.distinct(T, np.eye(6)[None], 4.0, 5, np.zeros(3)),

@@ -19,7 +19,7 @@ REACH = 40.0
 @pytest.mark.parametrize("hidden", [False, True])
 def test_visible_faces_are_unhidden_and_front_facing(hidden):
     s = scene(2, ())
-    shown, rims = _core.see_edges(s.frame(), s.Ts, hidden)
+    shown, rims = _core.visible_edges(s.frame(), s.Ts, hidden)
     expected, ends = see(s, s.Ts, hidden)
     np.testing.assert_array_equal(shown, expected)
     np.testing.assert_array_equal(rims, ends)
@@ -29,7 +29,7 @@ def test_visible_faces_are_unhidden_and_front_facing(hidden):
 
 def test_without_a_surface_nothing_is_hidden():
     s = scene(2, ())
-    shown, _ = _core.see_edges(s.frame(corners=np.zeros((0, 3, 3))), s.Ts, True)
+    shown, _ = _core.visible_edges(s.frame(corners=np.zeros((0, 3, 3))), s.Ts, True)
     np.testing.assert_array_equal(shown, see(s, s.Ts, False)[0])
 
 
@@ -37,7 +37,7 @@ def test_without_a_surface_nothing_is_hidden():
 def test_edges_and_their_pose_derivatives_equal_numpy(lens):
     s = scene(3, lens)
     shown = np.random.default_rng(3).uniform(size=(5, 40)) < 0.8
-    numbers, which, inside = _core.meet_edges(s.frame(), *s.image, s.Ts, shown, REACH)
+    numbers, which, inside = _core.match_edges(s.frame(), *s.image, s.Ts, shown, REACH)
     edge_hits = meet(s, s.Ts, shown, REACH)
     assert 0 < np.isfinite(edge_hits.pixels[..., 0]).sum() < edge_hits.inside.size
     np.testing.assert_allclose(numbers[..., :2], edge_hits.pixels, rtol=1e-9)
@@ -56,7 +56,7 @@ def test_edges_and_their_pose_derivatives_equal_numpy(lens):
 def test_their_slopes_are_differences(lens):
     s = scene(4, lens)
     Ts = s.Ts[:4]
-    numbers, _, inside = _core.meet_edges(s.frame(), *s.image, Ts, np.ones((4, 40), bool), REACH)
+    numbers, _, inside = _core.match_edges(s.frame(), *s.image, Ts, np.ones((4, 40), bool), REACH)
     normals = numbers[..., 2:4]
     for k in range(6):
         step = 1e-7 * np.eye(6)[k]
@@ -109,9 +109,9 @@ def test_what_cannot_be_meant_is_refused():
     wrong = [s.camera.numbers[:4], s.nearest[0], s.pixels[:, :1], s.sds[:-1], s.Ts[:, :3], shown[:, 1:]]
     for k, value in enumerate(wrong):
         with pytest.raises(ValueError, match="expected"):
-            _core.meet_edges(frame, *[value.copy() if j == k else right[j] for j in range(6)], REACH)
+            _core.match_edges(frame, *[value.copy() if j == k else right[j] for j in range(6)], REACH)
     far = np.full_like(s.nearest, 10**6)  # of another image: there is no hit, and no memory beyond is read
-    _, which, _ = _core.meet_edges(frame, s.camera.numbers, far, *right[2:], REACH)
+    _, which, _ = _core.match_edges(frame, s.camera.numbers, far, *right[2:], REACH)
     assert (which == -1).all()
     right = [s.Ts, s.Ts, np.zeros((5, 6, 6)), np.ones(3), np.ones(3, bool)]
     for k in range(5):
@@ -129,6 +129,6 @@ def test_an_edge_at_the_border_of_the_image_is_in_it():
         s, points=points, tangents=np.tile([1.0, 0, 0], (5, 1)), lengths=np.ones(5), normals=s.normals[:5],
         sharp=s.sharp[:5],
     )  # fmt: skip
-    _, _, inside = _core.meet_edges(one.frame(), *s.image, np.eye(4)[None], np.ones((1, 5), bool), REACH)
+    _, _, inside = _core.match_edges(one.frame(), *s.image, np.eye(4)[None], np.ones((1, 5), bool), REACH)
     assert DIAGONAL * s.camera.focal[0] / 0.2 > 1
     assert inside[0].tolist() == [True, False, True, False, True]

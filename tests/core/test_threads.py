@@ -25,7 +25,7 @@ out = [
     _core.log_densities(shape, core, Ts, zs),
     *_core.slopes(shape, core, Ts, zs),
     *_core.marginals(shape, core, Ts, zs),
-    *_core.settle(shape, core, np.arange(200, dtype=np.int32), np.array([0.01, 3e-3, 1e-3]), Ts),
+    *_core.refine_poses(shape, core, np.arange(200, dtype=np.int32), np.array([0.01, 3e-3, 1e-3]), Ts),
     *_core.maximize(shape, core, Ts, zs, np.array([6e-3]), 10, 1e-3, 1e6),
 ]
 np.savez(sys.argv[1], *out)

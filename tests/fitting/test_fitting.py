@@ -217,7 +217,7 @@ def test_any_of_three_columns_gives_the_outward_side():
     mixed[0] *= -1
     with pytest.raises(InputError, match="agree on which side"):
         ft.fit_plane(points, covs, directions=mixed)
-    with pytest.raises(InputError, match=r"agree on which side .* lie in the surface\. Look for swapped columns"):
+    with pytest.raises(InputError, match=r"agree on which side .* lie in the surface\. Check for swapped columns"):
         ft.fit_plane(points, covs, outward=[1.0, 0, 0])
 
 
@@ -294,7 +294,7 @@ def test_planes_refuse_degenerate_points(points, message):
     [
         (np.zeros((1, 3)), "at least 2 points, got 1"),
         (np.ones((3, 3)), "coincident"),
-        (1e-4 * np.array([[0.0, 0, 0], [1, 0, 0], [2, 1, 0]]), "direction is free|does not settle"),
+        (1e-4 * np.array([[0.0, 0, 0], [1, 0, 0], [2, 1, 0]]), "direction is free|does not converge"),
     ],
 )
 def test_edges_refuse_degenerate_points(points, message):

@@ -74,7 +74,7 @@ def test_a_label_of_unlike_sides_is_left_out_beside_others():
     others = plane_points(5, np.random.default_rng(6)) + np.array([0, 0, 0.03])
     found = fit(np.concatenate([points, others]), ("a",) * 3 + ("b",) * 5, directions=np.concatenate([beams, down(5)]))
     assert [f.label for f in found.features] == ["b"]
-    assert "'a' was left out" in found.notes[0]
+    assert "'a' was excluded" in found.notes[0]
     with pytest.raises(InputError, match="which side is outside"):
         fit(points, ("a",) * 3, directions=beams)
 

@@ -72,7 +72,7 @@ def test_what_is_too_short_is_left_out_with_the_reason():
     points, directions = sensed("cylinder", arc=8)
     found = fit("cylinder", points, directions=directions)
     assert found.features == ()
-    assert "'a' was left out: cylinder 'a': the arc covers" in found.notes[0]
+    assert "'a' was excluded: cylinder 'a': the arc covers" in found.notes[0]
     assert "not observable" in found.notes[0]
 
 

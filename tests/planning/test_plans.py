@@ -291,7 +291,7 @@ def test_a_part_that_may_be_anywhere_is_not_planned_for(block):
     """A linear plan would promise what readings that meet nothing cannot keep."""
     found = plan(at_pose(block, np.eye(4), np.diag(np.repeat([10.0, 0.05], 3) ** 2)), TOUCH, 1e-3)
     assert not found.reached
-    assert "would meet its face at" in found.message
+    assert "would hit its face at" in found.message
 
 
 def test_what_a_probe_cannot_be_names_the_value():

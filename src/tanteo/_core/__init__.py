@@ -1,7 +1,7 @@
-"""The compiled core: shapes, the likelihood of measurements, and what maximizes, proposes and samples on it.
+"""Compiled core: shapes, the likelihood of measurements, and its maximization, proposals and sampling.
 
-Arrays in, arrays out, all float64 or int32, C-contiguous, metres and radians. ``inference`` calls it,
-``vision`` for edges in images, and ``active`` for the expected information of readings.
+Arrays in, arrays out: float64 or int32, C-contiguous, metres and radians. Package ``posterior`` calls it,
+``vision`` for edges in images, and ``planning`` for the expected information of readings.
 """
 
 from tanteo._core.native import (
@@ -41,8 +41,8 @@ from tanteo._core.native import (
     make_shape,
     make_term,
     marginals,
+    match_edges,
     maximize,
-    meet_edges,
     mixture,
     nearest_pixels,
     normal_poses,
@@ -54,16 +54,16 @@ from tanteo._core.native import (
     propose,
     python_term,
     refine_edges,
+    refine_poses,
     round_distances,
     scores,
-    see_edges,
-    settle,
     slide_edges,
     slopes,
     spreads,
     stable_poses,
     term_slopes,
     version,
+    visible_edges,
 )
 
 __all__ = [
@@ -103,8 +103,8 @@ __all__ = [
     "make_shape",
     "make_term",
     "marginals",
+    "match_edges",
     "maximize",
-    "meet_edges",
     "mixture",
     "nearest_pixels",
     "normal_poses",
@@ -116,14 +116,14 @@ __all__ = [
     "propose",
     "python_term",
     "refine_edges",
+    "refine_poses",
     "round_distances",
     "scores",
-    "see_edges",
-    "settle",
     "slide_edges",
     "slopes",
     "spreads",
     "stable_poses",
     "term_slopes",
     "version",
+    "visible_edges",
 ]

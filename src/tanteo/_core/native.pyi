@@ -1,4 +1,4 @@
-"""What native.cpp offers. Arrays that go in are C-contiguous; integers of another width are converted."""
+"""Functions of the compiled module. Input arrays are C-contiguous; integers of another width are converted."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
@@ -119,7 +119,7 @@ def scores(
     blur: float,
     tilt: float,
 ) -> FloatArray: ...
-def settle(
+def refine_poses(
     shape: Shape,
     problem: Problem,
     rows: AnyInts,
@@ -174,7 +174,7 @@ def coarse(
     rows: AnyInts,
     kinds: AnyInts,
     best: float,
-    behind: float,
+    gap: float,
     points: FloatArray,
     normals: FloatArray,
     sds: FloatArray,
@@ -207,7 +207,7 @@ def on_planes(
     triples: AnyInts,
     walls: AnyInts,
     limit: float,
-    behind: float,
+    gap: float,
     keep: int,
 ) -> tuple[FloatArray, FloatArray]: ...
 def axes_lack(
@@ -228,7 +228,7 @@ def on_axes(
     poses_before: FloatArray,
     poses_start: AnyInts,
     limit: float,
-    behind: float,
+    gap: float,
     keep: int,
 ) -> tuple[FloatArray, FloatArray, Indices]: ...
 def closest_points(shape: Shape, points: FloatArray) -> tuple[FloatArray, FloatArray, Indices]: ...
@@ -289,8 +289,8 @@ def make_edge_frame(
     middle: FloatArray,
     slack: float,
 ) -> EdgeFrame: ...
-def see_edges(frame: EdgeFrame, poses: FloatArray, hidden: bool) -> tuple[Flags, Flags]: ...
-def meet_edges(
+def visible_edges(frame: EdgeFrame, poses: FloatArray, hidden: bool) -> tuple[Flags, Flags]: ...
+def match_edges(
     frame: EdgeFrame,
     camera: FloatArray,
     nearest: AnyInts,
@@ -310,7 +310,7 @@ def refine_edges(
     starts: FloatArray,
     priors: FloatArray,
     reaches: FloatArray,
-    asked: Flags,
+    visibility: Flags,
     bias: float,
     correlation: float,
 ) -> FloatArray: ...

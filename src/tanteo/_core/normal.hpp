@@ -1,4 +1,4 @@
-// The normal distribution in one and two dimensions: what of it lies in a polygon.
+// The normal distribution in one and two dimensions, and its mass in wedges, from which that of a polygon follows.
 #pragma once
 #include <cmath>
 #include <cstdint>

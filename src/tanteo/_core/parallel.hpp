@@ -1,4 +1,4 @@
-// Loops on all processors: what is done for each item stands alone, so the numbers are the same on any of them.
+// Loops on all processors. Items are independent, so the results do not depend on the number of threads.
 #pragma once
 #include <algorithm>
 #include <atomic>
@@ -12,13 +12,13 @@
 
 namespace tanteo {
 
-constexpr std::chrono::microseconds WORTH_THREADS{500};  // a loop that takes less ends before others have begun
+constexpr std::chrono::microseconds WORTH_THREADS{500};  // a shorter loop would end before other threads start
 
 // The number of processors, limited by OMP_NUM_THREADS if that is a number.
 size_t most_threads();
 
-// Does work(k) for all k below count; make() gives the work, once to each thread, with what it keeps from item to item.
-// The first items are done here. Threads that are not to be had are done without; what one throws is thrown here.
+// Calls work(k) for all k below count; make() returns the work of a thread with its state. The first items run on the calling
+// thread. If no more threads are available, fewer are used; an exception of one is thrown here.
 template <class Make>
 void for_all(size_t count, const Make& make) {
     auto here = make();
@@ -54,7 +54,7 @@ void for_all(size_t count, const Make& make) {
                     run(own);
                 });
             });
-    } catch (const std::system_error&) {  // no more of them
+    } catch (const std::system_error&) {  // no more threads are available
     }
     guarded([&] { run(here); });
     for (std::thread& other : others) other.join();

@@ -29,7 +29,7 @@ inline Vec3 unit(const Vec3& a) {
 inline Vec3 load(const double* p) { return {p[0], p[1], p[2]}; }
 inline void store(const Vec3& a, double* p) { p[0] = a.x; p[1] = a.y; p[2] = a.z; }
 
-// A unit vector across a, the same one every time.
+// A unit vector perpendicular to a, deterministic.
 inline Vec3 any_across(const Vec3& a) {
     const double x = std::fabs(a.x), y = std::fabs(a.y), z = std::fabs(a.z);
     const Vec3 least = x <= y && x <= z ? Vec3{1, 0, 0} : (y <= z ? Vec3{0, 1, 0} : Vec3{0, 0, 1});
@@ -69,7 +69,7 @@ inline void add_outer(Mat3& A, double s, const Vec3& a, const Vec3& b) {
         for (int j = 0; j < 3; ++j) A(i, j) += s * a[i] * b[j];
 }
 
-// Rotation by a vector, and back; the vector of a half turn is one of the two.
+// Rotation by a rotation vector, and the inverse; for a half turn one of two vectors is returned.
 inline Mat3 rotation(const Vec3& w) {
     const double t2 = squared(w), t = std::sqrt(t2);
     const double a = t < 1e-4 ? 1 - t2 / 6 : std::sin(t) / t;
@@ -95,8 +95,8 @@ inline Vec3 rotation_vector(const Mat3& R) {
     return (dot(axis, v) < 0 ? -t : t) * axis;
 }
 
-// T_world_part: points of the part to the world. Small motions are about a centre c of the part: it is shifted by v
-// and the part turned about it by w, both in the part's axes: c' = c + R v, R' = R exp(w).
+// T_world_part maps points of the part to the world. Small motions are about a centre c of the part, which is shifted by v;
+// the part is turned about it by w, both in the part frame: c' = c + R v, R' = R exp(w).
 struct Pose {
     Mat3 R = identity();
     Vec3 t;
@@ -123,7 +123,7 @@ inline void difference(const Pose& from, const Pose& to, const Vec3& c, Vec3& v,
     w = rotation_vector(transposed(from.R) * to.R);
 }
 
-// A symmetric matrix without its negative part, by Jacobi's turns; most have none.
+// A symmetric matrix without its negative eigenvalues, by Jacobi rotations; most matrices have none.
 inline Mat3 not_negative(Mat3 A) {
     const double a = A(1, 1) * A(2, 2) - A(1, 2) * A(1, 2), b = A(0, 0) * A(2, 2) - A(0, 2) * A(0, 2),
                  c = A(0, 0) * A(1, 1) - A(0, 1) * A(0, 1);
@@ -158,7 +158,8 @@ inline Mat3 not_negative(Mat3 A) {
     return out;
 }
 
-// Solves A x = b for a symmetric positive definite A (row-major n x n, lower triangle), in place of b.
+// Cholesky factor in place of a symmetric positive definite A (row-major n x n, lower triangle); false if it is not. Then
+// solve_cholesky replaces b by the solution of A x = b.
 inline bool cholesky(double* A, int n) {
     for (int i = 0; i < n; ++i)
         for (int j = 0; j <= i; ++j) {

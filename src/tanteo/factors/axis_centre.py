@@ -14,9 +14,9 @@ from tanteo.features import CIRCLE, CYLINDER, Feature
 from tanteo.geometry.typing import FloatArray
 from tanteo.parts import Part, round_features
 
-_LONGER, _BEYOND, _ON = 1.01, 0.1, 0.5
-"""Centres may lie beyond a hole where the part is longer than the hole by the first factor, with the second as their
-share; walls and the whole length go on by the third, in their own lengths (decision 70)."""
+_MUCH_LONGER, _BEYOND_SHARE, _EXTENSION = 1.01, 0.1, 0.5
+"""Centres may lie beyond a hole if the part is longer than the hole by the first factor; their prior probability is the
+second. The third extends both ranges at each end, as a fraction of their length (decision 70)."""
 
 
 @register_factor("centre")
@@ -51,18 +51,18 @@ class AxisCentre(RoundCentre):
     def landmarks(cls, part: Part) -> list[Landmark]:
         """Return the axes of holes and bosses, each as probable as any other.
 
-        Each has its wall, and with a smaller share all heights of the part: some devices move a centre along its
-        axis to a plane of their own. Both go on for a while, as centres that were moved to the rim are no less likely.
+        Each appears with the range of its wall, and, where the part is longer, with a smaller share once more with
+        the range of the whole part. The class states the reason.
         """
         rounds, out = round_features(part), list[Landmark]()
         for number, one in enumerate(rounds):
             along = (part.vertices - one.ends[0]) @ one.axis
             reach = one.ends[0] + np.array([[along.min()], [along.max()]]) * one.axis
-            longer = float(np.ptp(along)) > _LONGER * one.length
+            longer = float(np.ptp(along)) > _MUCH_LONGER * one.length
             sizes = float(one.radii.min()), float(one.radii.max())
-            for ends, share in ((one.ends, 1 - _BEYOND * longer), (reach, _BEYOND * longer)):
+            for ends, share in ((one.ends, 1 - _BEYOND_SHARE * longer), (reach, _BEYOND_SHARE * longer)):
                 if share > 0:
-                    beyond = _ON * (ends[1] - ends[0])
+                    beyond = _EXTENSION * (ends[1] - ends[0])
                     ends = ends + np.stack([-beyond, beyond])
                     out.append(Landmark(ends, sizes, share / len(rounds), one.hole, number, one.name, is_line=True))
         return out

@@ -27,7 +27,7 @@ class ConeApex(RoundCentre):
 
     @classmethod
     def from_feature(cls, view: tuple[Feature, ...], name: str, jacobian: FloatArray) -> FeaturePart:
-        """Return a point of the axis, where errors of place and direction are independent, and its offset."""
+        """Return the point of the axis whose error is independent of the direction's, with its offset from the apex."""
         feature = view[0]
         tilts = feature.P[3:, 3:]
         s = max(

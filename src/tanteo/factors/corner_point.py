@@ -22,6 +22,6 @@ class CornerPoint(OnSurface):
 
     @classmethod
     def from_feature(cls, view: tuple[Feature, ...], name: str, jacobian: FloatArray) -> FeaturePart:
-        """Return the vertex itself."""
+        """Return one factor: the vertex with its covariance."""
         T, R = view[0].T_world_feature, view[0].T_world_feature[:3, :3]
         return [(cls(at=T[:3, 3], cov=R @ view[0].P @ R.T), R @ jacobian)]

@@ -23,6 +23,6 @@ class EdgePoint(OnSurface):
 
     @classmethod
     def from_feature(cls, view: tuple[Feature, ...], name: str, jacobian: FloatArray) -> FeaturePart:
-        """Return two points of the edge, about the place where it is known best."""
+        """Return two points of the edge with the information of the edge, about the place of least variance."""
         points, cov, jacobians = line_points(view[0], view[0].T_world_feature, jacobian)
         return [(cls(at=point, cov=cov), own) for point, own in zip(points, jacobians, strict=True)]

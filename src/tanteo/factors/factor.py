@@ -1,8 +1,8 @@
 """Base class of all measurement factors, and their registry.
 
 A factor is one measurement of one kind, with the fields of this kind and no others. Its likelihood is compiled:
-``_core/factors/`` has one source for each kind, registered under :attr:`Factor.core`. Whatever depends on the kind is
-an attribute or method of its class; no other code compares kinds.
+``_core/factors/`` has one source for each kind, registered under :attr:`Factor.core`. Each property that depends on the
+kind is an attribute or method of its class; no other code compares kinds.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class SensedSize:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Factor(ABC):
-    """One measurement.
+    """Measurement of one kind, whose density the posterior multiplies with those of the others.
 
     Attributes:
         at: sensed place in the world ``(3,)`` [m].
@@ -111,35 +111,38 @@ class Factor(ABC):
         return 0
 
     def log_outlier(self, radius: float) -> float:
-        """Return the log density of the measurement if it is an outlier, or of an unknown object.
+        """Return the log density of the measurement if it is an outlier or lies on an unknown object.
 
         Args:
-            radius: of the ball of the workspace, in which it is anywhere [m].
+            radius: radius of the ball of the workspace, in which an outlier is uniform [m].
         """
         log = -np.log(4 / 3 * np.pi * radius**3)
         return float(log if self.normal is None else log - np.log(4 * np.pi))
 
     @abstractmethod
     def columns(self) -> dict[str, Any]:
-        """Return what the core needs beside place, covariance and direction, by the names of its columns."""
+        """Return the numbers of this kind that the core needs, by the names of its columns.
+
+        Place, covariance, direction and outlier density are common to all kinds; :func:`compile_factors` adds them.
+        """
 
     @classmethod
     def from_feature(cls, view: tuple[Feature, ...], name: str, jacobian: FloatArray) -> FeaturePart:
-        """Return factors that tell of the part what a sensed feature does.
+        """Return factors that carry the same information about the part as a sensed feature.
 
         Args:
             view: the feature; twice, once for each side, where its outward side is unknown.
-            name: for messages.
-            jacobian: how its perturbations follow the whitened shared errors ``(size, D)``.
+            name: name of the feature in messages.
+            jacobian: derivative of its perturbations by the whitened shared errors ``(size, D)``.
 
         Raises:
-            InputError: the feature does not tell enough.
+            InputError: the feature does not determine its factors.
         """
         raise NotImplementedError(f"{cls.__name__}.feature_kinds is not empty, but from_feature is missing")
 
     @classmethod
     def landmarks(cls, part: Part) -> list[Landmark]:
-        """Return the places of a part where measurements of this kind may be; none of its surface."""
+        """Return the places of a part where measurements of this kind may be; empty for kinds on the surface."""
         return []
 
     @classmethod
@@ -148,7 +151,7 @@ class Factor(ABC):
         """Make a factor of one row of measurements.
 
         Raises:
-            InputError: the row cannot be of this kind.
+            InputError: the row has a field that this kind does not allow.
         """
 
 
@@ -182,8 +185,8 @@ class MeasuredRow:
 
 
 FeaturePart: TypeAlias = list[tuple[Factor, FloatArray]]
-"""Factors that tell of the part what one sensed feature does, each with the Jacobian of its place by the whitened
-shared errors ``(3, D)``."""
+"""Factors with the information of one sensed feature about the part, each with the derivative of its place by the
+whitened shared errors ``(3, D)``."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -216,7 +219,11 @@ KINDS: dict[str, type[Factor]] = {}
 
 
 def register_factor(*kinds: str) -> Callable[[_Class], _Class]:
-    """Register a class of factors under its kinds of readings."""
+    """Register a class of factors under the kinds of readings that it measures.
+
+    Raises:
+        InputError: another class has one of the kinds.
+    """
 
     def register(cls: _Class) -> _Class:
         for kind in kinds:
@@ -230,14 +237,14 @@ def register_factor(*kinds: str) -> Callable[[_Class], _Class]:
 
 
 def factor_class(kind: str) -> type[Factor]:
-    """Return the class of factors for a kind of reading."""
+    """Return the class of factors for a kind of reading, such as ``'point'`` or ``'centre'``."""
     return KINDS[kind]
 
 
 def compile_factors(
     factors: Sequence[Factor], tolerance: float, log_outlier: FloatArray
 ) -> list[tuple[_core.FactorList, Indices]]:
-    """Compile factors for the core: one block per kind, with the rows in which its factors stand.
+    """Compile factors for the core: one block per kind, with the rows of its factors.
 
     Args:
         factors: ``n`` factors.
@@ -290,4 +297,4 @@ def numbered_landmarks(part: Part) -> list[tuple[type[Factor], int, Landmark]]:
 
 
 NO_DIRECTION = np.zeros(3)
-"""What the core takes for a direction that was not sensed."""
+"""Value that the core reads as "no direction sensed"."""

@@ -19,14 +19,17 @@ from tanteo.features import Feature, Sides, collect_shared, shared_root
 
 
 def as_labelled_points(features: Sequence[Sides], tolerance: float = 0.0) -> ContactPoints:
-    """Return the factors that tell of the part what the features do; those of one feature have its label as their id.
+    """Return factors with the same information about the part as sensed features.
+
+    The factors of one feature have its label as their id.
 
     Args:
         features: planes, edges, vertices, circles, cylinders, spheres, cones; and kinds of other packages.
         tolerance: standard deviation of the made surface against its CAD [m].
 
     Raises:
-        InputError: a kind of feature without factors; a plane of unknown side without points that spread.
+        InputError: a kind of feature without factors; a plane of unknown side without points that spread;
+            a covariance that is not positive definite.
     """
     views = [given if isinstance(given, tuple) else (given,) for given in features]
     errors, _, jacobians = collect_shared([view[0] for view in views])
@@ -64,7 +67,7 @@ def _by_feature_kind() -> dict[str, tuple[str, type[Factor]]]:
 
 
 def _names(features: Sequence[Feature]) -> list[str]:
-    """Return their labels, each once."""
+    """Return the labels of features, numbered where one is missing or repeated."""
     names = list[str]()
     for k, feature in enumerate(features, start=1):
         name = feature.label or f"feature {k}"

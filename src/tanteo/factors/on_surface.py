@@ -29,13 +29,17 @@ class OnSurface(Factor):
     free_path: float = 0.0
 
     def log_outlier(self, radius: float) -> float:
-        """Return the log density of an outlier: anywhere in the workspace; of a beam anywhere along it."""
+        """Return the log density of an outlier: uniform in the workspace, or along the beam if there is one.
+
+        Args:
+            radius: radius of the ball of the workspace [m].
+        """
         if self.approach is None:
             return super(OnSurface, self).log_outlier(radius)
         return float(-np.log(2 * radius) - (0.0 if self.normal is None else np.log(4 * np.pi)))
 
     def columns(self) -> dict[str, Any]:
-        """Return the columns of the core."""
+        """Return radius of the ball, directions and length of the free-space ray; zero for what is unknown."""
         return {
             "radii": self.ball_radius,
             "directions": NO_DIRECTION if self.approach is None else self.approach,
@@ -49,7 +53,7 @@ class OnSurface(Factor):
         """Return a factor from one row of measurements.
 
         Raises:
-            InputError: a ball's contact with an edge or corner, which may be anywhere on it.
+            InputError: contact of a ball with an edge or corner, whose place on the ball is unknown.
         """
         if cls.codimension > 1 and row.ball_radius > 0:
             raise InputError(

@@ -7,15 +7,22 @@ import numpy as np
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray
 
 _SLIGHT, _CLOSE = 1e-6, 0.05
-"""Points with less than the first share of the largest weight are dropped; the second is the largest relative misfit of
-the information of the points to that of the plane."""
+"""Points whose weight is below the first fraction of the largest are excluded; the second is the largest relative
+misfit of the information of the points to that of the plane."""
 
 
 def equivalent_points(levers: FloatArray, P: Covariances) -> tuple[IntArray, FloatArray]:
-    """Return rows of points, and variances of their heights, that give a plane of covariance ``P``; none where none do.
+    """Return rows of points, and variances of their heights [m^2], that together determine a plane of covariance ``P``.
 
     A plane's height at a point is ``lever . (z, wx, wy)``, so the points' information is the sum of
     ``lever lever' / variance``, which non-negative least squares fits to the inverse of ``P``.
+
+    Args:
+        levers: one row ``(1, y, -x)`` for each point, in the frame of the plane ``(n, 3)``.
+        P: covariance of height and the two tilts of the plane ``(3, 3)``.
+
+    Returns:
+        Rows and variances; both empty if no choice of points has that covariance.
     """
     from scipy.optimize import nnls  # slow to import
 
@@ -35,9 +42,12 @@ def equivalent_points(levers: FloatArray, P: Covariances) -> tuple[IntArray, Flo
 
 
 def typical_residuals(A: FloatArray) -> FloatArray:
-    """Return typical residuals of points from the plane that they determine, in standard deviations.
+    """Return typical residuals ``(n,)`` of points from the plane that they determine, in standard deviations.
 
     Sensed points are never exactly in a plane: without residuals the joint test would estimate too small a noise.
+
+    Args:
+        A: derivatives of the points' heights by the plane, divided by their standard deviations ``(n, 3)``.
     """
     free = np.linalg.svd(A)[0][:, 3:]
     off = free @ free.T @ np.where(np.arange(len(A)) % 2, -1.0, 1.0) if free.size else np.zeros(len(A))

@@ -13,11 +13,11 @@ from tanteo.factors.factor import Factor, MeasuredRow, SensedDirection, compile_
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Indices, IntArray, Vectors
 from tanteo.sensors import Column, PointMeasurements
 
-_BESIDE, _ALONG = 1e-3, float(np.cos(np.radians(1)))
-"""Readings are of one beam if they are no farther beside each other [m], and by the cosine of their directions."""
+_ONE_BEAM, _PARALLEL = 1e-3, float(np.cos(np.radians(1)))
+"""Largest lateral distance [m], and least cosine of the directions, of readings along the same beam."""
 
-_BLUNT = 0.3
-"""Least standard deviation of a beam across it, as a share of that along it (decision 54)."""
+_LEAST_WIDTH = 0.3
+"""Least standard deviation of a beam across it, as a fraction of that along it (decision 54)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +94,7 @@ class ContactPoints:
 
     @classmethod
     def none(cls) -> ContactPoints:
-        """Return a set of no points."""
+        """Return an empty set of measurements."""
         return cls((), (), np.zeros((0, 3, 0)))
 
     def __len__(self) -> int:
@@ -111,7 +111,7 @@ class ContactPoints:
         return np.array([factor.landmark for factor in self.factors], dtype=np.float64).reshape(len(self), 3)
 
     @property
-    def held(self) -> int:
+    def constrained(self) -> int:
         """Return the number of directions that all measurements constrain, at least one for each surface point."""
         return len(self) + sum(f.codimension - 1 for f in self.factors if not f.on_surface)
 
@@ -121,19 +121,19 @@ class ContactPoints:
         return np.where(self.directed[:, None], self.directions, -self.sides)
 
     def take(self, rows: Sequence[int] | IntArray) -> ContactPoints:
-        """Return some of the measurements."""
+        """Return the measurements in some rows, in the order of the rows."""
         places = None if self.places is None else self.places[rows]
         ids, labels, kinds = (tuple(values[i] for i in rows) for values in (self.ids, self.labels, self.kinds))
         factors = tuple(self.factors[i] for i in rows)
         return ContactPoints(ids, factors, self.shared_jacobian[rows], self.tolerance, places, labels, kinds)
 
     def with_places(self) -> ContactPoints:
-        """Return the same measurements, those that were made along one beam being of one place."""
+        """Return the same measurements with ``places`` set: those along one beam share the place of the first."""
         places, d = np.arange(len(self)), self.directions
-        later, earlier = np.nonzero(np.tril(d @ d.T > _ALONG, -1))
+        later, earlier = np.nonzero(np.tril(d @ d.T > _PARALLEL, -1))
         away, d = self.points[earlier] - self.points[later], d[later]
         beside = np.linalg.norm(away - np.sum(away * d, axis=1, keepdims=True) * d, axis=1)
-        later, earlier = later[beside < _BESIDE], earlier[beside < _BESIDE]
+        later, earlier = later[beside < _ONE_BEAM], earlier[beside < _ONE_BEAM]
         for row, k in zip(*np.unique(later, return_index=True), strict=True):
             places[row] = places[earlier[k]]
         return ContactPoints(
@@ -141,7 +141,11 @@ class ContactPoints:
         )
 
     def compiled(self, log_outlier: FloatArray) -> list[tuple[_core.FactorList, Indices]]:
-        """Return the factors for the core, with the log density of each as an outlier ``(n,)``."""
+        """Return the factors for the core: one block per kind, with the rows of its factors.
+
+        Args:
+            log_outlier: log density of each measurement as an outlier ``(n,)``.
+        """
         return compile_factors(self.factors, self.tolerance, log_outlier)
 
 
@@ -177,9 +181,9 @@ def surface_points(
         normal_sds: standard deviation of each of their tilts ``(n,)`` [rad], or one for all.
         reach: length of the free-space ray before each ``(n,)`` [m], or one for all.
         outward: rough outward directions, where only the side of the material is known ``(n, 3)``.
-        shared_jacobian: how places follow whitened shared errors ``(n, 3, D)`` [m].
+        shared_jacobian: derivative of the places by the whitened shared errors ``(n, 3, D)`` [m].
         tolerance: standard deviation of the made surface that the covariances contain [m].
-        labels: name of what each was sensed on, ``''`` for none ``(n,)``.
+        labels: name of the element on which each was sensed, ``''`` for none ``(n,)``.
         kind: kind of reading of all of them.
 
     Example:
@@ -209,7 +213,7 @@ def surface_points(
 def as_contact_points(
     measured: PointMeasurements, tolerance: float = 0.0, reach: Column | None = None
 ) -> ContactPoints:
-    """Return measurements as factors; beams are a little blunt (decision 54).
+    """Return measurements as factors; the covariance of a beam has a least lateral width (decision 54).
 
     Args:
         measured: points in the world.
@@ -217,13 +221,13 @@ def as_contact_points(
         reach: lengths of the free-space rays before the points ``(n,)`` [m]: the ranges of beams.
 
     Raises:
-        InputError: a ball's contact with an edge or corner, which may be anywhere on it.
+        InputError: contact of a ball with an edge or corner, whose place on the ball is unknown.
     """
     points, independent, radii = measured.centres()
     on_surface = np.array([factor_class(kind).on_surface for kind in measured.kinds], dtype=np.bool_)
-    # how a device came to a centre tells nothing of it
+    # the approach of a device to a centre carries no information about it
     directions = np.where(on_surface[:, None], np.nan_to_num(measured.directions), 0.0)
-    covs = _blunt(independent, directions) + tolerance**2 * np.eye(3)
+    covs = _widen_beams(independent, directions) + tolerance**2 * np.eye(3)
     lengths = np.zeros(len(measured)) if reach is None else reach.only(on_surface).filled(0.0)
     normal_sds = np.nan_to_num(measured.normal_sds, nan=np.pi)
     factors = list[Factor]()
@@ -241,14 +245,14 @@ def as_contact_points(
     )
 
 
-def _blunt(covs: Covariances, directions: Vectors) -> Covariances:
-    """Return covariances of which no beam is better known across than a share of its spread along.
+def _widen_beams(covs: Covariances, directions: Vectors) -> Covariances:
+    """Return covariances whose standard deviation across a beam is at least a fraction of that along it.
 
-    Where a thin beam slides off an edge the posterior has a cliff, at which maximizations stop and off which samples
-    fall. Readings without direction are left as they are.
+    Where a thin beam passes an edge the posterior is discontinuous: maximizations stop there and the sampler rejects
+    its steps. Readings without direction remain unchanged.
     """
     along = np.einsum("ni,nij,nj->n", directions, covs, directions)
     across = 0.5 * (np.trace(covs, axis1=1, axis2=2) - along)
-    missing = np.maximum(_BLUNT**2 * along - across, 0.0)
+    missing = np.maximum(_LEAST_WIDTH**2 * along - across, 0.0)
     beside = np.eye(3) - directions[:, :, None] * directions[:, None]
     return np.asarray(covs + missing[:, None, None] * beside)

@@ -26,11 +26,11 @@ class PoseFactor(ABC):
 
     @property
     def is_pose_prior(self) -> bool:
-        """Whether the factor is itself the prior density of the pose, over shifts [m] and turns [rad]."""
+        """Return whether the factor is itself the prior density of the pose, over shifts [m] and turns [rad]."""
         return False
 
     def poses(self, part: Part) -> Transforms:
-        """Return poses of a part from which the search starts ``(K, 4, 4)``; none of most factors."""
+        """Return poses of a part from which the search starts ``(K, 4, 4)``; empty for most factors."""
         return np.zeros((0, 4, 4))
 
     @abstractmethod

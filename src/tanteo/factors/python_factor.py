@@ -36,8 +36,9 @@ class PythonFactor(PoseFactor):
             returns ``(S,)``, with ``-inf`` for impossible poses.
         gradient: its derivative by small motions ``T exp(xi)``, ``xi = [v, w]`` in the part frame [1/m, 1/rad]; returns
             ``(S, 6)``. None: central differences.
-        propose: function that returns poses ``(K, 4, 4)`` of a part from which the search starts, beside its own.
-        outlier_rate: probability that the measurement is not of the part, from 0 to 1.
+        propose: function that returns poses ``(K, 4, 4)`` of a part from which the search starts, in addition to its
+            own.
+        outlier_rate: probability that the measurement does not come from the part, from 0 to 1.
         steps: steps of the differences: shift [m] and turn [rad].
 
     Example:
@@ -66,7 +67,7 @@ class PythonFactor(PoseFactor):
         """Return poses of a part from which the search starts ``(K, 4, 4)``.
 
         Raises:
-            InputError: the function returns something else.
+            InputError: ``propose`` does not return finite poses ``(K, 4, 4)``.
         """
         if self.propose is None:
             return np.zeros((0, 4, 4))

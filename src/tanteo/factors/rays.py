@@ -57,20 +57,20 @@ class FreeRays:
         return replace(self, incidences=np.minimum(self.incidences, incidence))
 
     def take(self, rows: IntArray) -> FreeRays:
-        """Return some of the rays."""
+        """Return the rays in some rows, in the order of the rows."""
         names = "origins", "directions", "lengths", "margin", "slopes", "incidences", "shared_jacobian", "turns"
         return FreeRays(*(getattr(self, name)[rows] for name in names))
 
     def unmoved(self) -> FreeRays:
-        """Return the rays without shared errors."""
+        """Return the same rays without shared errors."""
         none = np.zeros((len(self), 3, 0))
         return replace(self, shared_jacobian=none, turns=none)
 
     def at(self, z: FloatArray) -> tuple[Vectors, Vectors]:
-        """Return origins and directions for whitened shared errors ``(S, D)``.
+        """Return origins [m] and unit directions for ``S`` draws of the whitened shared errors ``(S, D)``.
 
         Returns:
-            Both ``(S, m, 3)`` [m], or ``(m, 3)`` if nothing moves them.
+            Both ``(S, m, 3)``, or ``(m, 3)`` if no shared error moves the rays.
         """
         if not self.moved:
             return self.origins, self.directions
@@ -80,7 +80,7 @@ class FreeRays:
         return self.origins + shifts.reshape(len(z), len(self), 3), along
 
     def join(self, other: FreeRays) -> FreeRays:
-        """Return both; they have the same shared errors."""
+        """Return the rays of both, which have the same shared errors."""
         if not len(self) or not len(other):
             return self if len(self) else other
         names = "origins", "directions", "lengths", "margin", "slopes", "incidences", "shared_jacobian", "turns"
@@ -88,12 +88,17 @@ class FreeRays:
 
     @classmethod
     def none(cls) -> FreeRays:
-        """Return no ray."""
+        """Return an empty set of rays."""
         return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
 
 
 def as_free_rays(measured: PointMeasurements, margin: float) -> FreeRays:
-    """Return the free-space rays of measurements."""
+    """Return the free-space rays of measurements.
+
+    Args:
+        measured: points with their beams.
+        margin: uncertain length at the end of each ray [m].
+    """
     beams, (_, shared_jacobian, turns) = measured.free, measured.whitened()
     slopes = 0.5 * np.tan(beams.half_angles)  # of points even over a disc
     margins = np.full(len(beams), margin)

@@ -54,7 +54,11 @@ class RoundCentre(Factor):
         return np.asarray(self.at - self.axis_offset * self.normal.direction)
 
     def log_outlier(self, radius: float) -> float:
-        """Return the log density of an outlier: anywhere, and of any size, even in its logarithm."""
+        """Return the log density of an outlier: place uniform in the workspace, sizes log-uniform.
+
+        Args:
+            radius: radius of the ball of the workspace [m].
+        """
         log = super(RoundCentre, self).log_outlier(radius)
         for size in (self.sensed_size, self.second_size):
             if size is not None:
@@ -62,7 +66,7 @@ class RoundCentre(Factor):
         return float(log)
 
     def columns(self) -> dict[str, Any]:
-        """Return the columns of the core."""
+        """Return sizes, side of the material and offset along the axis; 0 for what was not sensed."""
         size, other = self.sensed_size, self.second_size
         return {
             "sizes": 0.0 if size is None else size.value,
@@ -84,13 +88,21 @@ class RoundCentre(Factor):
 
 
 def second_size_of(feature: Feature, made: float) -> SensedSize | None:
-    """Return the second sensed size of a round feature, as wide as it is made."""
+    """Return the second sensed size of a round feature, with the tolerance of manufacture; None if it has none."""
     size = feature.second_size
     return None if size is None else SensedSize(size.value, float(np.hypot(np.sqrt(size.variance), made)))
 
 
 def size_of(feature: Feature, made: float) -> tuple[SensedSize | None, int]:
-    """Return the sensed size of a round feature, as wide as it is made, and the side of its material."""
+    """Return the sensed size of a round feature, with the tolerance of manufacture, and the side of its material.
+
+    Args:
+        feature: a sensed circle, cylinder, cone, sphere or torus.
+        made: standard deviation of the made size [m], or [rad] for a cone.
+
+    Returns:
+        The size, None if unknown; and 1 for a hole, -1 for a boss, 0 if unknown.
+    """
     size = feature.size
     if size is None:
         return None, 0
@@ -99,13 +111,13 @@ def size_of(feature: Feature, made: float) -> tuple[SensedSize | None, int]:
 
 
 def centre_of(cls: type[RoundCentre], feature: Feature, jacobian: FloatArray, made: float) -> FeaturePart:
-    """Return the centre of a feature whose first rows are its place, with its axis if it has one.
+    """Return the factor of a sensed centre, with its axis and size if it has them.
 
     Args:
         cls: class of the factor.
-        feature: a sensed circle, cone, sphere or torus.
-        jacobian: how its perturbations follow the shared errors ``(size, D)``.
-        made: standard deviation of the made size.
+        feature: a sensed circle, cone, sphere or torus; the first three rows of its perturbation are its place.
+        jacobian: derivative of its perturbations by the whitened shared errors ``(size, D)``.
+        made: standard deviation of the made size [m], or [rad] for a cone.
     """
     T, P = feature.T_world_feature, feature.P
     R, axis = T[:3, :3], None
@@ -120,7 +132,12 @@ def centre_of(cls: type[RoundCentre], feature: Feature, jacobian: FloatArray, ma
 
 
 def point_landmarks(part: Part, surface: str) -> list[Landmark]:
-    """Return the centres of the faces of a part on one kind of surface, each as probable as any other."""
+    """Return the centres of the faces of a part on one kind of surface, each as probable as any other.
+
+    Args:
+        part: the part.
+        surface: kind of surface: ``'sphere'``, ``'cone'`` or ``'torus'``.
+    """
     faces = [one for one in centred_faces(part) if one.surface == surface]
     return [
         Landmark(

@@ -14,7 +14,7 @@ from tanteo.geometry.typing import Covariances, FloatArray, Vectors
 from tanteo.parts import Part, round_features
 
 CORNERS, RIMS = "corners", "rims"
-"""What lines may pass through if the points are not named: corners, or centres of the rims of holes and bosses."""
+"""Candidate points of lines whose point is not given: corners, or centres of the rims of holes and bosses."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -29,15 +29,15 @@ class SightLines(PoseFactor):
         origin: station of all lines in the world ``(3,)`` [m].
         directions: directions in the world, of any length ``(n, 3)``.
         angle_sd: standard deviation of each of the two angles of a line [rad].
-        through: ``corners`` or ``rims`` of the part, if any of them is possible; or a point in the part frame for each
-            line ``(n, 3)`` [m].
+        through: ``corners`` or ``rims`` of the part, if a line may pass through any corner or rim; or a point in the
+            part frame for each line ``(n, 3)`` [m].
         origin_sd: independent standard deviation of the origin of each line [m].
         station: covariance of the error of the station's pose, common to all lines, shift and turn in the world ``(6,
             6)`` [m, rad]; None for no error.
         outlier_rate: probability that a line passes through no such point, from 0 to 1.
 
     Raises:
-        InputError: an argument has another shape, or makes no sense.
+        InputError: an array has another shape, or a number is outside its range.
 
     Example:
         >>> from tanteo.factors.sight_lines import SightLines

@@ -23,7 +23,7 @@ class SphereCentre(RoundCentre):
 
     @classmethod
     def from_feature(cls, view: tuple[Feature, ...], name: str, jacobian: FloatArray) -> FeaturePart:
-        """Return the centre."""
+        """Return one factor: the centre with its sensed radius."""
         return centre_of(cls, view[0], jacobian, MADE)
 
     @classmethod

@@ -28,7 +28,7 @@ class SurfacePoint(OnSurface):
 
     @classmethod
     def from_feature(cls, view: tuple[Feature, ...], name: str, jacobian: FloatArray) -> FeaturePart:
-        """Return points of the plane that carry its covariance; or one with its normal, where no such points do.
+        """Return points that together have the plane's covariance; one point with its normal if no such points exist.
 
         Raises:
             InputError: a plane of unknown side that was not sensed at points that spread.

@@ -35,7 +35,7 @@ class TorusCentre(RoundCentre):
 
     @classmethod
     def from_feature(cls, view: tuple[Feature, ...], name: str, jacobian: FloatArray) -> FeaturePart:
-        """Return the centre with its axis and radii."""
+        """Return one factor: the centre with its axis, and the radii of ring and tube."""
         return centre_of(cls, view[0], jacobian, MADE)
 
     @classmethod

@@ -18,8 +18,8 @@ from tanteo.fitting.round_estimate import round_distances
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Covariances, FloatArray, Vectors
 
-_OWN = 1e-3
-"""Share of a curvature that no plane explains, from which on the points tell it: less is only their noise."""
+_LEAST_CURVATURE = 1e-3
+"""Least fraction of a curvature that no plane explains; below it, noise of the abscissae decides the value."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,7 +49,7 @@ def jointly(
     """Return the report with joint tests of all points and of the worst one, shared errors included.
 
     A shared error that is not one rigid motion of the points, such as a tip on a hand that turns between touches, makes
-    them scatter. That is not a wrong reading.
+    the points scatter, although no reading is wrong.
     """
     if not shared:
         return report
@@ -71,7 +71,15 @@ def jointly(
 
 
 def bending(plane: Feature, points: Vectors, covs: Covariances, shared: SharedReadings, radius: float = 0.0) -> Bending:
-    """Return the improvement of a surface of the second degree over the plane of points ``(n, 3)``."""
+    """Return the improvement of a surface of the second degree over the plane of points.
+
+    Args:
+        plane: the fitted plane.
+        points: its points, centres of the ball if ``radius`` is given ``(n, 3)`` in the world [m].
+        covs: their independent covariances ``(n, 3, 3)`` [m^2].
+        shared: errors that the points share, with their Jacobians.
+        radius: radius of the tip's ball [m].
+    """
     g, G = _rows(residuals_of(plane, points, radius), covs, shared)
     x, y = SE3.apply(SE3.inverse(plane.T_world_feature), points)[:, :2].T
     second = np.zeros((len(g), 3))
@@ -80,9 +88,9 @@ def bending(plane: Feature, points: Vectors, covs: Covariances, shared: SharedRe
     second /= np.where(whole > 0, whole, 1.0)
     G = G / np.maximum(np.linalg.norm(G, axis=0), 1e-300)
     both = np.column_stack([g, second])
-    left = both - G @ np.linalg.lstsq(G, both, rcond=1e-10)[0]  # what no plane explains
+    left = both - G @ np.linalg.lstsq(G, both, rcond=1e-10)[0]  # residuals after the best plane
     U, s, _ = np.linalg.svd(left[:, 1:], full_matrices=False)
-    U = U[:, s > _OWN]
+    U = U[:, s > _LEAST_CURVATURE]
     gain, dof = float(np.sum((U.T @ left[:, 0]) ** 2)), U.shape[1]
     return Bending(gain, dof, float(chi2_p_value(np.asarray(gain), dof)) if dof else 1.0)
 
@@ -103,7 +111,7 @@ class Residuals:
 
 
 def residuals_of(feature: Feature, points: Vectors, radius: float = 0.0) -> Residuals:
-    """Return distances of points ``(n, 3)`` [m] from a feature; of a ball's centres with its ``radius``."""
+    """Return distances of points ``(n, 3)`` [m] from a feature, less the ``radius`` of the tip's ball."""
     R = feature.T_world_feature[:3, :3]
     local = SE3.apply(SE3.inverse(feature.T_world_feature), points)
     if feature.size is not None:

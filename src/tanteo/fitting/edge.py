@@ -12,8 +12,8 @@ from tanteo.fitting.estimate import (
     Estimate,
     FitReport,
     SharedReadings,
+    check_converged,
     check_points,
-    check_settled,
     inverse_spd,
     make_report,
     shared_terms,
@@ -27,7 +27,7 @@ _SHORT = (
     "further along {along} or on the other side."
 )
 _PASSES = 100
-_SETTLED = 1e-20
+_CONVERGED = 1e-20
 
 
 def edge_ml(points: Vectors, covs: Covariances) -> Estimate:
@@ -57,8 +57,8 @@ def edge_ml(points: Vectors, covs: Covariances) -> Estimate:
         return frame[0] @ SO3.exp(turn), frame[1] + (frame[0][..., :, 1:] @ p[..., :2, None])[..., 0]
 
     start = SO3.frame_from_axis(_first_directions(points), 0), points.mean(axis=-2)
-    (R, c), steps = maximize(start, linearize, moved, _PASSES, _SETTLED)
-    check_settled(steps, "edge")
+    (R, c), steps = maximize(start, linearize, moved, _PASSES, _CONVERGED)
+    check_converged(steps, "edge")
     c = _to_centroid(points, _local(points, covs, R, c)[1], R, c)
     return _finish(points, covs, R, c)
 

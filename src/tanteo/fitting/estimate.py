@@ -66,7 +66,7 @@ class FitReport:
 
 
 def make_report(estimate: Estimate, readings: Sequence[str]) -> FitReport:
-    """Return the report of one fit (no batch axes)."""
+    """Return the report of one fit, without batch axes, with the ids of its readings."""
     chi2, dof = float(estimate.chi2), estimate.dof
     k = int(np.argmax(np.abs(estimate.standardised)))
     return FitReport(
@@ -106,16 +106,20 @@ def check_points(points: Vectors, covs: Covariances, least: int, what: str) -> t
     return points, np.broadcast_to(covs, (*points.shape, 3))
 
 
-def check_settled(steps: FloatArray, what: str) -> None:
-    """Refuse a fit whose last step still moved it.
+def check_converged(steps: FloatArray, what: str) -> None:
+    """Refuse a fit that has not converged.
+
+    Args:
+        steps: squared length of the last step of each fit, in standard deviations ``(*batch,)``.
+        what: name of the feature in the message.
 
     Raises:
-        DegenerateError: if a squared length, in standard deviations, is above 1e-10.
+        DegenerateError: a step is 1e-10 or more.
     """
     if not np.all(steps < 1e-10):
         raise DegenerateError(
-            f"{what}: expected points that determine it, got a fit that does not settle: the noise is as large as the "
-            "spread of the points. Add points further apart, or check the covariances."
+            f"{what}: expected points that determine it, got a fit that does not converge: the noise is as large as "
+            "the spread of the points. Add points further apart, or check the covariances."
         )
 
 

@@ -8,20 +8,20 @@ from tanteo.errors import DegenerateError
 from tanteo.geometry.typing import FloatArray, Vectors
 
 _FLAT = 1e-6
-"""Points spread less than this share of their largest spread do not spread at all."""
+"""Spread, as a fraction of the largest one, below which a direction counts as without spread."""
 
 _LEAST_SPREAD = 4.0
-"""Standard deviations of a point over which points have to spread: below, chance decides how their feature lies."""
+"""Least spread in standard deviations of a point: below, the noise determines the direction of the feature."""
 
 
 def refuse_narrow(spread: FloatArray, R: FloatArray, message: str) -> None:
-    """Refuse points that hardly spread beyond their noise.
+    """Refuse points whose spread is less than four standard deviations of their noise.
 
     Args:
-        spread: root mean square along the direction that matters, in standard deviations ``(*batch,)``.
+        spread: root mean square of the points along the direction that needs it, in standard deviations ``(*batch,)``.
         R: axes of the features, x first ``(*batch, 3, 3)``.
-        message: with ``{least}`` for how far they have to spread, ``{spread}`` for how far they do and ``{along}`` for
-            the x axis.
+        message: text with ``{least}`` for the spread that is needed, ``{spread}`` for the spread found and ``{along}``
+            for the x axis.
 
     Raises:
         DegenerateError: with the message.
@@ -30,8 +30,8 @@ def refuse_narrow(spread: FloatArray, R: FloatArray, message: str) -> None:
         return
     k = int(np.argmin(spread))
     u, s = R.reshape(-1, 3, 3)[k, :, 0], np.ravel(spread)[k]
-    said = {"least": f"{_LEAST_SPREAD:g}", "spread": f"{s:.2g}", "along": f"({u[0]:.3g}, {u[1]:.3g}, {u[2]:.3g})"}
-    raise DegenerateError(message.format(**said))
+    values = {"least": f"{_LEAST_SPREAD:g}", "spread": f"{s:.2g}", "along": f"({u[0]:.3g}, {u[1]:.3g}, {u[2]:.3g})"}
+    raise DegenerateError(message.format(**values))
 
 
 def spreads(points: Vectors) -> tuple[Vectors, FloatArray, FloatArray]:
@@ -43,10 +43,15 @@ def spreads(points: Vectors) -> tuple[Vectors, FloatArray, FloatArray]:
 
 
 def refuse_flat(points: Vectors, needed: int, what: str) -> None:
-    """Refuse points that spread in fewer directions.
+    """Refuse points that spread in fewer directions than needed.
+
+    Args:
+        points: points ``(*batch, n, 3)`` [m].
+        needed: number of directions, 1 to 3.
+        what: name of the feature in the message.
 
     Raises:
-        DegenerateError: with what they are: one point, a line, a plane.
+        DegenerateError: the points coincide, or lie on a line or in a plane; the message states which.
     """
     _, vectors, sizes = spreads(points)
     scale = np.maximum(sizes[..., 2], 1e-300)

@@ -14,7 +14,7 @@ from tanteo.geometry import SE3, SO3, check_covariance
 from tanteo.geometry.typing import FloatArray, Vectors
 
 _UNKNOWN_AXIS = float(np.pi)
-"""Standard deviation of an axis that was not given [rad]: it says nothing."""
+"""Standard deviation of an axis that was not given [rad]: no information."""
 
 
 def given_round(

@@ -20,20 +20,22 @@ from tanteo.sensors import PointMeasurements, reading_kind
 def fit_group(
     measured: PointMeasurements, label: str, rows: list[int], tolerance: float
 ) -> tuple[Sides, dict[str, float], list[str]]:
-    """Fit one label; drop readings that spoil the fit, or widen it if the surface bends, or all scatter too much.
+    """Fit one feature to the readings of a label, without wrong readings.
+
+    Wrong readings are dropped. The covariance is widened if the surface bends or all readings scatter too much.
 
     Args:
         measured: points in the world.
-        label: of these.
-        rows: which of them they are.
+        label: label of the readings.
+        rows: rows of ``measured`` with this label.
         tolerance: sd of the made surface against its CAD [m].
 
     Returns:
-        The feature, how far each dropped reading is from it [m], and what had to be widened and why.
+        The feature, the distance of each dropped reading from it by id [m], and notes on why it was widened.
 
     Raises:
         DegenerateError: if the points do not determine the feature.
-        SideError: if too many readings disagree about which side is outside.
+        SideError: if too many readings disagree about the outward side.
         InputError: for a ball tip on an edge or a vertex, or different tips.
     """
     name = measured.kinds[rows[0]]
@@ -42,16 +44,16 @@ def fit_group(
     least = kind.min_readings
     if len(rows) < least:
         raise DegenerateError(f"{name} {label!r}: expected {least} points or more, got {len(rows)}. Sense more of it.")
-    kept, fit = _of_one_side(measured, kind, label, rows, tolerance)
+    kept, fit = _on_one_side(measured, kind, label, rows, tolerance)
     feature, dropped, notes = _agreeing(measured, kind, label, kept, tolerance, *fit)
-    behind = (measured.ids[row] for row in rows if row not in kept)
-    return feature, {name: _off(feature, measured, name) for name in behind} | dropped, notes
+    other_side = (measured.ids[row] for row in rows if row not in kept)
+    return feature, {name: _off(feature, measured, name) for name in other_side} | dropped, notes
 
 
-def _of_one_side(
+def _on_one_side(
     measured: PointMeasurements, kind: FeatureKind, label: str, rows: Sequence[int], tolerance: float
 ) -> tuple[list[int], tuple[Sides, FitReport]]:
-    """Return the rows of one side of a plane, and their fit; at most a quarter of the rows is of another side."""
+    """Return the rows of one side of a plane, and their fit; at most a quarter of the rows is excluded."""
     kept, least = list(rows), max(3, len(rows) - len(rows) // 4)
     while True:
         fit = unlike = None
@@ -59,7 +61,7 @@ def _of_one_side(
             fit = _fit(measured, kind, label, kept, tolerance)
         except SideError as error:
             unlike = error
-        if unlike is not None and kind.shape != "plane":  # normals of a round feature point all ways
+        if unlike is not None and kind.shape != "plane":  # normals of a round feature point in all directions
             raise unlike
         row, cosine = most_opposed(measured, kept) if kind.shape == "plane" else (kept[0], 1.0)
         astray = fit is None or (cosine < 0 and not _agrees(fit[1]))
@@ -82,8 +84,8 @@ def _agreeing(
 ) -> tuple[Sides, dict[str, float], list[str]]:
     """Return the feature of readings of one side without wrong readings, as :func:`fit_group` does.
 
-    Each parameter costs the log of its prior over its posterior spread. A wrong reading is one parameter, and one of
-    all readings.
+    Models are compared by their approximate evidence: each parameter costs twice the log of its prior over its
+    posterior spread, and a wrong reading twice the log of the number of readings in addition.
     """
     least = kind.min_readings
     bend = _bending(measured, rows, tolerance, feature)
@@ -95,7 +97,7 @@ def _agreeing(
         kept.remove(next(row for row in kept if measured.ids[row] == better.worst))
         cleaned, better = _fit(measured, kind, label, kept, tolerance)
     curved = _curved(report, bend)
-    if dropped and _agrees(better) and not (curved and _rather_bent(report, better, bend, len(dropped), len(rows))):
+    if dropped and _agrees(better) and not (curved and _prefers_bent(report, better, bend, len(dropped), len(rows))):
         off = {name: _off(cleaned, measured, name) for name in dropped}
         return _unless_bent(label, cleaned, _bending(measured, kept, tolerance, cleaned), off)
     if curved:
@@ -103,10 +105,10 @@ def _agreeing(
     return _scattered(label, feature, report, bend)
 
 
-def _rather_bent(report: FitReport, cleaned: FitReport, bend: Bending, dropped: int, count: int) -> bool:
-    """Whether a surface that bends explains readings more simply than so many wrong ones of all.
+def _prefers_bent(report: FitReport, cleaned: FitReport, bend: Bending, dropped: int, count: int) -> bool:
+    """Return whether a surface that bends explains the readings better than ``dropped`` wrong ones of ``count``.
 
-    Each parameter costs what it may be over what it is known to; a wrong reading has one, and is one of all.
+    The criterion is that of :func:`_agreeing`.
     """
     size, choice = 2 * np.log(max(report.worst_sds, np.e)), 2 * np.log(count)
     return bool(report.chi2 - bend.gain + bend.dof * size <= cleaned.chi2 + dropped * (size + choice))
@@ -126,18 +128,18 @@ def _scattered(
 
 
 def _agrees(report: FitReport) -> bool:
-    """Whether neither all readings together nor the worst of them speak against the fit."""
+    """Return whether neither the joint test of all readings nor that of the worst one rejects the fit."""
     return min(report.p_value, report.p_worst) >= SUSPECT
 
 
 def _curved(report: FitReport, bend: Bending) -> bool:
-    """Whether a surface that bends explains all that a plane does not, and does not only go through all points."""
+    """Return whether a surface that bends fits the readings, with degrees of freedom left for its test."""
     left = report.dof - bend.dof
     return bool(bend.p_value < SUSPECT and left and chi2_p_value(np.asarray(report.chi2 - bend.gain), left) >= SUSPECT)
 
 
 def _bending(measured: PointMeasurements, rows: Sequence[int], tolerance: float, feature: Sides) -> Bending:
-    """Return the improvement of a bent surface on these rows; none if they are not of a plane."""
+    """Return the improvement of a bent surface on these rows; none if the feature is not a plane."""
     plane = feature[0] if isinstance(feature, tuple) else feature
     if plane.kind is not PLANE:
         return Bending(0.0, 0, 1.0)
@@ -172,12 +174,12 @@ def _fit(
 def _sensed(measured: PointMeasurements, label: str, rows: Sequence[int], tolerance: float) -> LabelledPoints:
     """Return the points of these rows."""
     index = np.array(rows)
-    # what other sensors share is no error of these readings
+    # errors that only other sensors share do not affect these readings
     shared = [(e, J[index]) for e, J in zip(measured.shared, measured.jacobians, strict=True) if J[index].any()]
     ids = tuple(measured.ids[row] for row in rows)
     covs = measured.covs[index] + tolerance**2 * np.eye(3)
     side = known_side(measured, rows)
-    # a ball's radius taken off along a normal has moved the point with it: then it counts as part of the point only
+    # a ball's radius subtracted along a normal already moved the point: the normal must not count twice
     sds = np.where(measured.subtracted_radii[index] > 0, np.nan, measured.normal_sds[index])
     return LabelledPoints(label, ids, measured.points[index], covs, shared, measured.radii[index], side, sds)
 

@@ -20,10 +20,10 @@ class LabelledFeatures:
 
     Attributes:
         features: planes, edges and vertices; a pair of both sides if the outward side of a plane is unknown.
-        unlabelled: rows of the measurements that are of no feature: centres, and points without label and normal.
+        unlabelled: rows of the measurements without a feature: centres, and points without label and normal.
         rejected: ids of readings that disagree with the others of their label.
         rejected_by: distance of each from the feature of the others [m].
-        notes: sentences on what could not be used or had to be widened.
+        notes: sentences on labels that were excluded and covariances that were widened.
     """
 
     features: tuple[Sides, ...]
@@ -37,7 +37,7 @@ def fit_labelled(measured: PointMeasurements, tolerance: float = 0.0) -> Labelle
     """Fit one feature to the points of each label; a single point with its normal is a plane, too.
 
     Labelled points of kind ``point`` are taken to lie on one plane. A label whose points do not determine their
-    feature is left out with a note that says what to add.
+    feature is excluded with a note on which readings to add.
 
     Args:
         measured: points in the world.
@@ -63,13 +63,13 @@ def fit_labelled(measured: PointMeasurements, tolerance: float = 0.0) -> Labelle
         try:
             feature, dropped, note = fit_group(measured, label, rows, tolerance)
         except (DegenerateError, SideError) as error:
-            notes.append(f"{label!r} was left out: {error}")
+            notes.append(f"{label!r} was excluded: {error}")
             astray = astray or (error if isinstance(error, SideError) else None)
             continue
         features.append(feature)
         rejected |= dropped
         notes += note
-    if astray is not None and not features:  # of all labels: columns are swapped
+    if astray is not None and not features:  # no label agrees: columns are probably swapped
         raise astray
     index = np.array(unlabelled, dtype=np.int64)
     return LabelledFeatures(tuple(features), index, tuple(rejected), tuple(rejected.values()), tuple(notes))

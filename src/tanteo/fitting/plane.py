@@ -17,8 +17,8 @@ from tanteo.fitting.estimate import (
     Estimate,
     FitReport,
     SharedReadings,
+    check_converged,
     check_points,
-    check_settled,
     inverse_spd,
     make_report,
     shared_terms,
@@ -32,10 +32,10 @@ _NARROW = (
     "the tilt about it is free. Add a point further to its side."
 )
 _ALONG = 0.05
-"""A direction with a smaller cosine to the normal lies in the surface: it says nothing about its sides."""
+"""A direction with a smaller cosine to the normal lies in the surface and does not determine its outward side."""
 
 _PASSES = 100
-_SETTLED = 1e-20
+_CONVERGED = 1e-20
 
 
 def plane_ml(points: Vectors, covs: Covariances) -> Estimate:
@@ -64,8 +64,8 @@ def plane_ml(points: Vectors, covs: Covariances) -> Estimate:
     def moved(R: FloatArray, tilt: FloatArray) -> FloatArray:
         return R @ SO3.exp(np.concatenate([tilt, np.zeros_like(tilt[..., :1])], axis=-1))
 
-    R, steps = maximize(_first_frames(points, covs), linearize, moved, _PASSES, _SETTLED)
-    check_settled(steps, "plane")
+    R, steps = maximize(_first_frames(points, covs), linearize, moved, _PASSES, _CONVERGED)
+    check_converged(steps, "plane")
     R = R @ _to_principal(points, covs, R)
     return _finish(points, covs, R)
 
@@ -185,7 +185,7 @@ def fit_plane(
 
     Raises:
         InputError: if the side is unknown, or shapes do not fit; ``SideError`` if it is contradictory.
-        DegenerateError: if the points do not determine a plane; the message says which direction is free.
+        DegenerateError: if the points do not determine a plane; the message states which direction is free.
     """
     points, covs = check_points(points, covs, 3, f"plane {label!r}")
     if points.ndim != 2:
@@ -224,7 +224,7 @@ def _facing(estimate: Estimate, side: Vectors, label: str) -> Estimate:
     if np.all(np.abs(along) < _ALONG):
         raise SideError(
             f"plane {label!r}: expected the readings to agree on which side is outside, got directions or normals that "
-            "lie in the surface. Look for swapped columns (x, y, z, dx, dy, dz) and for labels of other faces."
+            "lie in the surface. Check for swapped columns (x, y, z, dx, dy, dz) and for labels of other faces."
         )
     if abs(along.mean()) < 0.05 or np.any(along * np.sign(along.mean()) < -0.2):
         raise SideError(

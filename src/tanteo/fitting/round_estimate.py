@@ -139,7 +139,7 @@ def check_positive(covs: Covariances, name: str) -> None:
 
 
 def unknowns(kind: FeatureKind, size: float | None, size_sd: float) -> int:
-    """Return the smallest number of points."""
+    """Return the least number of points that determine a feature, whose size may be given."""
     if kind is CIRCLE:
         return 3
     return kind.size + (size is None or size_sd > 0)

@@ -66,7 +66,7 @@ def fit_round(
     Raises:
         InputError: for too few points, shapes that do not fit, a ball on a rim; ``SideError`` if a ball touched from
             an unknown side, or the readings contradict each other about it.
-        DegenerateError: if the points do not determine it; the message says what is not observable.
+        DegenerateError: if the points do not determine it; the message states what is not observable.
 
     Example:
         >>> turn = np.radians(np.arange(0, 360, 45))
@@ -134,7 +134,7 @@ def _sided(
     sides: tuple[Vectors, Vectors, FloatArray],
     name: str,
 ) -> tuple[RoundEstimate, int | None]:
-    """Return the fit to the points as they are, and 1 for a boss, -1 for a bore, None if unknown."""
+    """Return the fit to the points with the ball's radius, and 1 for a boss, -1 for a bore, None if unknown."""
     outward, sensed, sds = sides
     own = sds if np.isfinite(sds).any() else None
 

@@ -17,11 +17,11 @@ MOST_SHARE = 0.1
 MOST_TILT = 0.1
 """Largest standard deviation of the axis' direction [rad]."""
 _BENT = 0.25
-"""A tilt of one standard deviation may move the points, to second order, by this share of what their place is known."""
-_OF_CONES = 0.4
-"""A cone's apex is far from its points: for it all three limits are this much lower."""
-_LIKE = 0.01
-"""Two cylinders of radii that differ by less than this share differ in the tilt of a ring."""
+"""Largest second order shift of the points by a tilt of one standard deviation, as a fraction of their place's sd."""
+_CONE_FACTOR = 0.4
+"""Factor on all three limits for a cone, whose apex is far from its points."""
+_SAME_RADIUS = 0.01
+"""Relative difference of radii below which two cylinders fit one ring with different tilts."""
 _FREE = 1e-11
 """Least eigenvalue of the information scaled to unit diagonal: below it a direction is free to rounding."""
 
@@ -35,12 +35,12 @@ class Excess(NamedTuple):
 
 
 def excess(kind: FeatureKind, estimate: RoundEstimate, points: Vectors) -> Excess:
-    """Return standard deviations over the largest accepted ones, beyond which a covariance is not valid."""
+    """Return the ratios of the standard deviations to the largest ones for which a covariance is valid."""
     P = estimate.fit.P
     sd = np.sqrt(np.maximum(np.diagonal(P, axis1=-2, axis2=-1), 0.0))
     local = SE3.apply(SE3.inverse(estimate.fit.T)[..., None, :, :], points)
     radius = np.mean(np.linalg.norm(local[..., :2], axis=-1), axis=-1) if kind is CONE else estimate.size
-    room = np.minimum(estimate.size, np.pi / 2 - estimate.size) if kind is CONE else estimate.size
+    margin = np.minimum(estimate.size, np.pi / 2 - estimate.size) if kind is CONE else estimate.size
     place = sd[..., : 3 if kind is SPHERE else 2].max(axis=-1) / (MOST_SHARE * radius)
     tilt = np.zeros_like(place)
     if kind is not SPHERE:
@@ -50,8 +50,8 @@ def excess(kind: FeatureKind, estimate: RoundEstimate, points: Vectors) -> Exces
         tilt = np.maximum(tilt / MOST_TILT, bent / _BENT)
     free = np.where(estimate.condition < _FREE, np.inf, 0.0)
     place, tilt = (place + free, tilt) if kind is SPHERE else (place, tilt + free)
-    limit = _OF_CONES if kind is CONE else 1.0
-    return Excess(sd[..., -1] / (MOST_SHARE * room) / limit, place / limit, tilt / limit)
+    limit = _CONE_FACTOR if kind is CONE else 1.0
+    return Excess(sd[..., -1] / (MOST_SHARE * margin) / limit, place / limit, tilt / limit)
 
 
 def _with_all_else_known(P: FloatArray) -> FloatArray:
@@ -63,7 +63,7 @@ def _with_all_else_known(P: FloatArray) -> FloatArray:
 
 
 def observable(kind: FeatureKind, estimate: RoundEstimate, points: Vectors) -> BoolArray:
-    """Whether the points determine each feature of a batch: what :func:`refuse` accepts ``(*batch,)``."""
+    """Return whether the points determine each feature of a batch, as :func:`refuse` tests it ``(*batch,)``."""
     beyond = np.maximum.reduce(list(excess(kind, estimate, points)))
     return np.asarray(estimate.converged & (beyond <= 1) & np.isnan(estimate.rival))
 
@@ -72,35 +72,35 @@ def refuse(kind: FeatureKind, estimate: RoundEstimate, points: Vectors, name: st
     """Refuse a fit that the points do not determine.
 
     Raises:
-        DegenerateError: with what is not observable, and what to do.
+        DegenerateError: size, place or axis is not observable; the message states which, and what to do.
     """
     beyond = excess(kind, estimate, points)
     if not float(max(beyond)) <= 1:
-        first = beyond.size > 1 and beyond.size < np.inf  # a given size would help the rest, too
+        first = beyond.size > 1 and beyond.size < np.inf  # a given size also improves place and tilt
         worst = _no_size if first else _no_tilt if beyond.tilt > beyond.place else _no_place
         raise DegenerateError(worst(kind, estimate, points, name))
     if not estimate.converged:
         raise DegenerateError(
-            f"{name}: expected points of a {kind.name}, got a fit that does not settle (so far "
-            f"{_said(kind, float(estimate.size))}). Look for points of other faces, check their standard deviations, "
+            f"{name}: expected points of a {kind.name}, got a fit that does not converge (so far "
+            f"{_size(kind, float(estimate.size))}). Check for points of other faces, check their standard deviations, "
             "or touch more of it."
         )
-    if np.isfinite(estimate.rival) and kind is CYLINDER and abs(estimate.rival / estimate.size - 1) < _LIKE:
+    if np.isfinite(estimate.rival) and kind is CYLINDER and abs(estimate.rival / estimate.size - 1) < _SAME_RADIUS:
         raise DegenerateError(_no_tilt(kind, estimate, points, name))
     if np.isfinite(estimate.rival):
         raise DegenerateError(
             f"{name}: expected points that one {kind.name} fits, got points that another fits as well "
-            f"({_said(kind, float(estimate.size))} or {_said(kind, float(estimate.rival))}, elsewhere). Give the "
+            f"({_size(kind, float(estimate.size))} or {_size(kind, float(estimate.rival))}, elsewhere). Give the "
             "direction of each touch or sensed normals, or touch more of it."
         )
 
 
-def _said(kind: FeatureKind, size: float) -> str:
+def _size(kind: FeatureKind, size: float) -> str:
     return f"half angle {np.degrees(size):.3g} deg" if kind is CONE else f"radius {1e3 * size:.4g} mm"
 
 
 def arc_of(kind: FeatureKind, estimate: RoundEstimate, points: Vectors) -> float:
-    """Return the degrees that the points cover about the axis; for a sphere, those of the cap."""
+    """Return the angle that the points cover about the axis, or the cap of a sphere [deg]."""
     local = SE3.apply(SE3.inverse(estimate.fit.T), points)
     if kind is SPHERE:
         unit = local / np.linalg.norm(local, axis=-1, keepdims=True)

@@ -11,11 +11,15 @@ from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.sensors import PointMeasurements
 
 _ALONG = 0.05
-"""A direction with a smaller cosine to the normal lies in the surface: it says nothing about its sides."""
+"""A direction with a smaller cosine to the normal lies in the surface and does not determine its outward side."""
 
 
 def known_side(measured: PointMeasurements, rows: Sequence[int]) -> dict[str, FloatArray]:
-    """Return the name of the array that determines the outward side of rows; empty if none does."""
+    """Return the vectors that determine the outward side of rows, by their name.
+
+    Returns:
+        ``normals`` or ``directions`` with its array ``(n, 3)``; empty if no row has either.
+    """
     index = np.array(rows)
     for name, vectors in (("normals", measured.normals[index]), ("directions", measured.directions[index])):
         if np.isfinite(vectors).all(axis=1).any():
@@ -24,7 +28,10 @@ def known_side(measured: PointMeasurements, rows: Sequence[int]) -> dict[str, Fl
 
 
 def most_opposed(measured: PointMeasurements, rows: Sequence[int]) -> tuple[int, float]:
-    """Return the row that was sensed most against the side of all, and the cosine; 1 if no side is known."""
+    """Return the row whose direction or normal is most opposed to the sum of all, and the cosine between them.
+
+    The cosine is 1 if no side is known.
+    """
     for vectors in known_side(measured, rows).values():
         total = np.nansum(vectors, axis=0)
         cosines = np.nan_to_num(vectors @ total / max(float(np.linalg.norm(total)), 1e-300), nan=1.0)

@@ -23,7 +23,7 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 
 _PASSES = 200
-_SETTLED = 1e-13
+_CONVERGED = 1e-13
 
 
 def vertex_ml(points: Vectors, covs: Covariances) -> Estimate:
@@ -58,7 +58,18 @@ def fit_vertex(
     readings: Sequence[str] = (),
     shared: SharedReadings = (),
 ) -> tuple[Feature, FitReport]:
-    """Fit a vertex to sensed points; one point is enough. Arguments as :func:`tanteo.fitting.fit_edge`."""
+    """Fit a vertex to points sensed on it; one point is enough.
+
+    Args:
+        points: points ``(n, 3)`` in the world [m].
+        covs: their independent covariances ``(n, 3, 3)`` [m^2].
+        label: name of the feature.
+        readings: ids of the readings.
+        shared: errors that the points have in common, beyond ``covs``.
+
+    Raises:
+        InputError: for other shapes, or covariances that are not positive definite.
+    """
     points, covs = check_points(points, covs, 1, f"vertex {label!r}")
     if points.ndim != 2:
         raise InputError(f"vertex {label!r}, points: expected shape (n, 3), got {points.shape}. Use vertex_ml.")
@@ -114,7 +125,7 @@ def intersect_lines(T: Transforms, P: Covariances) -> Corner:
         information = np.sum(EtW @ E, axis=-3)
         new = np.linalg.solve(information, np.sum(EtW @ offset[..., None], axis=-3))[..., 0]
         step, x = np.abs(new - x).max(initial=0.0), new
-        if step <= _SETTLED * np.abs(offset).max(initial=0.0):
+        if step <= _CONVERGED * np.abs(offset).max(initial=0.0):
             break
     cov = inverse_spd(information)
     r = (E @ x[..., None, :, None])[..., 0] - offset

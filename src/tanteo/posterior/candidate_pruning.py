@@ -291,7 +291,7 @@ def prune(
         _pass_on(live)
     live = _still_active(live, log_unknown, margin)
     points = problem.points
-    if points.held >= POSE_DOF or 2 * int(points.oriented.sum()) >= POSE_DOF:
+    if points.constrained >= POSE_DOF or 2 * int(points.oriented.sum()) >= POSE_DOF:
         _restart(searches, live, log_unknown)
     searches = searches + start.others
     top = max([log_unknown if unsearched.untried else -np.inf, *(s.log_evidence for s in searches)])

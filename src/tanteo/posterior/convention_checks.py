@@ -1,7 +1,7 @@
 """Checks of conventions: if the readings fit no part, undo usual mistakes one by one and search again.
 
 A mistake of convention moves everything far, so only one interpretation of the numbers fits. The finding names it and
-never applies it: only the author of the file can confirm what the numbers mean.
+never applies it: only the author of the file can decide what the numbers mean.
 """
 
 from __future__ import annotations
@@ -33,47 +33,53 @@ _OFFSET = 0.03
 
 
 class Query(Protocol):
-    """Search with all options of the answer, to be repeated for other readings."""
+    """Options of an inference, with which it is repeated for other readings."""
 
     def problem(self, readings: Readings, parts: Sequence[Part]) -> tuple[Problem, Candidates]:
-        """Return the measurements with their priors, and the candidate parts."""
+        """Return the measurements and priors of the inference for other readings, and its candidate parts."""
 
     def answer(self, readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = None) -> Answer:
-        """Search and return the answer; ``bias_sd`` is the sd of a shared error along all approach directions [m]."""
+        """Return the answer for other readings or parts, without checks of conventions.
+
+        Args:
+            readings: the readings.
+            parts: the candidates.
+            bias_sd: sd of an error along the approach that all readings share [m]; None as in the first inference.
+        """
 
 
 def about_conventions(
     answer: Answer,
     readings: Readings,
     parts: Sequence[Part],
-    query: Query,
+    question: Query,
     *,
     placed: bool = False,
     settings: Settings = DEFAULTS,
 ) -> Finding | None:
     """Return the usual mistake that explains readings that fit no part, or fit badly; None if there is none.
 
-    Each mistake is tried by a robust fit of the points first (:mod:`tanteo.posterior.trial_fit`). Only where that
-    explains them a search is made.
+    Each mistake is first tested by a robust fit of the points (:mod:`tanteo.posterior.trial_fit`); only if the fit
+    explains them, the search is repeated.
 
     Args:
         answer: answer from the unchanged readings.
         readings: the readings.
         parts: the candidates.
-        query: the search with all options of the answer.
+        question: options of the inference that gave the answer.
         placed: whether the pose has a prior, which a mirrored part would not satisfy.
         settings: settings of the inference.
     """
     if not is_bad(answer, settings):
-        return None if placed else _about_image(answer, readings, parts, query, settings)
+        return None if placed else _about_image(answer, readings, parts, question, settings)
     others = [way for way in OTHERS if not (placed and way.finding in (MirrorConvention, UnitsConvention))]
-    if _is_of_size(readings, parts, settings):  # in a smaller unit they would cover a small patch, which fits anywhere
+    if _is_of_size(readings, parts, settings):  # in another unit they would cover a small patch, which fits anywhere
         others = [way for way in others if way.finding is not UnitsConvention]
     some = thinned(readings, settings.search.few_points)
     found = (
-        _about_ways(HANDS, some, parts, query, settings)
-        or _about_offset(some, parts, query, settings)
-        or _about_ways(others, some, parts, query, settings)
+        _about_ways(HANDS, some, parts, question, settings)
+        or _about_offset(some, parts, question, settings)
+        or _about_ways(others, some, parts, question, settings)
     )
     if found is None or len(some) == len(readings):
         return found
@@ -81,28 +87,28 @@ def about_conventions(
 
 
 def _is_of_size(readings: Readings, parts: Sequence[Part], settings: Settings) -> bool:
-    """Return whether points, where there are some, lie as far apart as those of one of the parts do."""
+    """Return whether the points, if there are some, have an extent that one of the parts may have."""
     points = readings.points.values
     scale = scale_of(points, parts)
     return not len(points) or fits_size(scale.span, scale.sizes, settings.checks)
 
 
 def _about_ways(
-    ways: Sequence[Mistake], readings: Readings, parts: Sequence[Part], query: Query, settings: Settings
+    ways: Sequence[Mistake], readings: Readings, parts: Sequence[Part], question: Query, settings: Settings
 ) -> Convention | None:
     """Return the first interpretation of the numbers that fits; None if there is none."""
     for way in ways:
         meant = way.undo(readings)
         if meant is not None and way.finding is UnitsConvention and not _is_of_size(meant, parts, settings):
             continue
-        found = None if meant is None else _answered(query, meant, parts, settings.search.explained)
+        found = None if meant is None else _answer_to(question, meant, parts, settings.search.explained)
         if found is not None and fits(found, settings):
             return way.finding(*_fitting(found), way.mistake)
     return None
 
 
 def is_bad(answer: Answer, settings: Settings = DEFAULTS) -> bool:
-    """Return whether no part explains the readings, or one explains them badly: with many outliers or much noise."""
+    """Return whether no part explains the readings, or one does with many outliers or much noise."""
     best = answer.best or (answer.hypotheses[0] if answer.hypotheses else None)
     if answer.status == "unknown" or best is None:
         return answer.status == "unknown"
@@ -111,23 +117,23 @@ def is_bad(answer: Answer, settings: Settings = DEFAULTS) -> bool:
 
 
 def fits(answer: Answer, settings: Settings = DEFAULTS) -> bool:
-    """Return whether a part explains the readings with few outliers and the expected noise."""
+    """Return whether a part explains the readings without many outliers or much noise."""
     if answer.status not in ("recognized", "ambiguous", "insufficient") or not answer.hypotheses:
         return False
     best = answer.hypotheses[0]
     return answer.unknown_probability < 0.5 and not is_bad(answer, settings) and best.dof > 0
 
 
-def _answered(query: Query, readings: Readings, parts: Sequence[Part], least: float) -> Answer | None:
+def _answer_to(question: Query, readings: Readings, parts: Sequence[Part], least: float) -> Answer | None:
     """Return the answer to other readings, if a trial fit explains at least that fraction of the points.
 
-    None too for readings that are invalid then, which leaves the first answer unchanged.
+    None also if the other readings are invalid.
     """
     try:
-        trial = trial_fit(*query.problem(readings, parts))
+        trial = trial_fit(*question.problem(readings, parts))
         if trial is not None and trial.rejects(least):
             return None
-        return query.answer(readings, parts)
+        return question.answer(readings, parts)
     except TanteoError:
         return None
 
@@ -139,7 +145,7 @@ def _fitting(answer: Answer) -> tuple[str, int, int]:
 
 
 def _about_image(
-    answer: Answer, readings: Readings, parts: Sequence[Part], query: Query, settings: Settings
+    answer: Answer, readings: Readings, parts: Sequence[Part], question: Query, settings: Settings
 ) -> MirrorQuestion | None:
     """Return the question of a mirror image that fits all readings where the part does not; None if none does."""
     if readings.Ts_world_hand.given.any() or answer.best is None or not answer.best.outliers:
@@ -148,23 +154,25 @@ def _about_image(
     if part is None:
         return None
     image = mirror_part(part)
-    found = _answered(query, readings, [part, image], settings.search.explained)
+    found = _answer_to(question, readings, [part, image], settings.search.explained)
     best = found.best if found is not None else None
     if best is None or best.part != image.name or best.outliers or best.probability < 1 - NOTABLE:
         return None
     return MirrorQuestion(part.name, best.probability)
 
 
-def _about_offset(readings: Readings, parts: Sequence[Part], query: Query, settings: Settings) -> OffsetQuestion | None:
+def _about_offset(
+    readings: Readings, parts: Sequence[Part], question: Query, settings: Settings
+) -> OffsetQuestion | None:
     """Return the question of one common offset with which all readings fit; None if there is none."""
     sd = _OFFSET * max(sizes_of(parts))
     try:
-        trial = trial_fit(*query.problem(readings, parts), offset_sd=sd)
+        trial = trial_fit(*question.problem(readings, parts), offset_sd=sd)
         if trial is not None:
             if trial.rejects(settings.search.explained) or trial.is_without_offset(settings.search.gate):
                 return None
             readings = _aimed(readings, trial)
-        found = query.answer(readings, parts, bias_sd=sd)
+        found = question.answer(readings, parts, bias_sd=sd)
     except TanteoError:
         return None
     if not fits(found, settings):

@@ -20,4 +20,4 @@ def refine_poses(problem: Problem, part: PreparedPart, Ts: Transforms, scales: F
         scales: scale of the robust kernel in each step ``(K,)`` [m].
     """
     rows = np.arange(len(problem.points), dtype=np.int32)
-    return _core.settle(part.shape, problem.compiled(part), rows, np.asarray(scales), np.ascontiguousarray(Ts))[0]
+    return _core.refine_poses(part.shape, problem.compiled(part), rows, np.asarray(scales), np.ascontiguousarray(Ts))[0]

@@ -34,7 +34,7 @@ def observability_gate(problem: Problem) -> Finding | None:
         return OneCentre(slides)
     if len(points) == 2 and points.centres.all() and not (named or points.oriented.any()):
         return TwoCentres(slides)
-    if points.held < FEWEST:
+    if points.constrained < FEWEST:
         return TooFewReadings(len(points))
     if named or points.oriented.any() or np.count_nonzero(points.centres) > 1:
         return None

@@ -87,7 +87,7 @@ class Problem:
             return True
         symmetry = part.symmetry
         free = POSE_DOF // 2 if symmetry.spherical else int(symmetry.continuous)
-        return self.points.held + 2 * int(self.points.oriented.sum()) + len(self.rays) >= POSE_DOF - free
+        return self.points.constrained + 2 * int(self.points.oriented.sum()) + len(self.rays) >= POSE_DOF - free
 
     @property
     def states(self) -> int:

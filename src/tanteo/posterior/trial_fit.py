@@ -1,9 +1,8 @@
-"""Trial fits: whether a part may explain the readings at all, before a search is made for it.
+"""Trial fits: tests whether a part may explain the readings at all, before a search.
 
 A trial fit moves coarse poses of each part onto the points by robust least squares, with a common offset of the points
-as one more state where the caller states its standard deviation. It draws no samples and computes no evidence, so it
-takes milliseconds where a search takes tenths of a second. What passes a trial is not yet an answer; what fails it
-needs no search.
+as one more state if ``offset_sd`` is positive. It draws no samples and computes no evidence, so it takes milliseconds
+where a search takes tenths of a second. A part that passes is not yet an answer; a part that fails needs no search.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ _PER_SD = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrialFit:
-    """The pose of a part that explains most of the points.
+    """Pose of the part that explains the most points.
 
     Attributes:
         part: the part.
@@ -36,7 +35,7 @@ class TrialFit:
         explained: number of points within the gate of its surface.
         count: number of points that were fitted.
         offset: common offset of the points against their approach, or outward where none is known [m].
-        offset_sd: least standard deviation that this offset can have [m].
+        offset_sd: lower bound of the standard deviation of this offset [m].
     """
 
     part: PreparedPart
@@ -47,7 +46,7 @@ class TrialFit:
     offset_sd: float
 
     def rejects(self, fraction: float) -> bool:
-        """Return whether no part explains that fraction of the points, as far as a trial fit can decide it.
+        """Return whether the trial shows that no part explains this fraction of the points.
 
         With fewer than twice as many points as a pose has degrees of freedom, coarse poses miss the right one too
         often: of 11 points in one scene of ten, of 20 points in none of 96 (``python benchmarks/conventions.py``).
@@ -55,7 +54,7 @@ class TrialFit:
         return self.count >= 2 * POSE_DOF and self.explained < fraction * self.count
 
     def is_without_offset(self, gate: float) -> bool:
-        """Return whether the points suffice for a trial fit and their common offset is within its noise."""
+        """Return whether the points are enough for a trial, and their common offset is less than ``gate`` sds."""
         return self.count >= 2 * POSE_DOF and abs(self.offset) < gate * self.offset_sd
 
 
@@ -109,7 +108,7 @@ def _of_part(
     sd = float(np.median(problem.points.sd[rows]))
     start, end = 1.5 * max(scales_for(problem, part).blur, step), 2 * sd
     steps = max(6, int(np.ceil(np.log(start / end) / problem.settings.search.scale_step)) + 1)
-    Ts, _, _, offsets, distances = _core.settle(
+    Ts, _, _, offsets, distances = _core.refine_poses(
         part.shape, problem.compiled(part), rows, np.geomspace(start, min(end, start), steps), np.ascontiguousarray(Ts),
         offset_sd, True,
     )  # fmt: skip

@@ -55,7 +55,7 @@ def meet(
     """Find the edge points within reach [px] that match the part's edges at poses ``(*batch, 4, 4)``."""
     seen = see_edges(frame, T_camera_part) if seen is None else seen
     batch, N = T_camera_part.shape[:-2], len(frame.points)
-    numbers, points, inside = _core.meet_edges(
+    numbers, points, inside = _core.match_edges(
         frame.compiled, camera.numbers, edges.nearest, edges.points.pixels, edges.points.sds,
         np.ascontiguousarray(T_camera_part.reshape(-1, 4, 4)), np.ascontiguousarray(seen.shown.reshape(-1, N)), reach,
     )  # fmt: skip

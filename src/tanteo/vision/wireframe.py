@@ -181,5 +181,5 @@ def see_edges(frame: Wireframe, T_camera_part: Transforms, *, hidden: bool = Tru
     """
     poses = np.ascontiguousarray(T_camera_part.reshape(-1, 4, 4))
     shape = *T_camera_part.shape[:-2], len(frame)
-    shown, rims = (a.reshape(shape) for a in _core.see_edges(frame.compiled, poses, hidden))
+    shown, rims = (a.reshape(shape) for a in _core.visible_edges(frame.compiled, poses, hidden))
     return Seen(shown, rims)

@@ -1,4 +1,4 @@
-"""Motions of a part as values, and their words."""
+"""Motions of a part as values and as text."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 _TILTED = 0.35
-"""Least share of the tilt that an axis takes for its name to appear."""
+"""Least component of the unit tilt along an axis for its name to appear."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +37,12 @@ class Motion:
 
     @property
     def brief(self) -> str:
-        """The motion without its place, its direction in words: ``sliding along world y, 26° towards z``."""
+        """Return the motion without its place and by its nearest axis: ``sliding along world y, 26° towards z``."""
         return f"{'rotation about' if self.turns else 'sliding along'} {self.axis or _tilted(self.direction)}"
 
 
 def _tilted(direction: tuple[float, float, float]) -> str:
-    """Return the nearest axis of the world, how far the direction leans from it, and towards which axes."""
+    """Return the nearest axis of the world, the angle to it [deg], and the axes towards which the direction leans."""
     k = max(range(3), key=lambda i: abs(direction[i]))
     sign = math.copysign(1.0, direction[k])
     lean = [(name, sign * v) for i, (name, v) in enumerate(zip("xyz", direction, strict=True)) if i != k]

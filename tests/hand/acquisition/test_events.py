@@ -7,7 +7,7 @@ from felt_scenes import gripper
 from tanteo.geometry import SE3
 from tanteo.hand import EdgeEvent
 from tanteo.hand.acquisition.edge_events import agreeing, distance_from, doubt, line_through, on_line, place_of
-from tanteo.words.findings import EdgeMetRarely, EdgesMixed, PlaceBeside
+from tanteo.words.findings import EdgesMixed, FewEdgeCrossings, PlaceBeside
 
 ALONG, OUTWARDS = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 SD = 4e-4
@@ -99,7 +99,7 @@ def test_most_hits_must_be_on_one_edge():
     assert agreeing(gripper(), events, ALONG, OUTWARDS, 12) == (events, None)
     assert agreeing(gripper(), events, ALONG, OUTWARDS, 13)[1] == EdgesMixed(13, 6)
     doubtful = edge([0, 0.003], [0, 0])
-    assert agreeing(gripper(), doubtful, ALONG, OUTWARDS, 13)[1] == EdgeMetRarely(len(doubtful), alone=False)
+    assert agreeing(gripper(), doubtful, ALONG, OUTWARDS, 13)[1] == FewEdgeCrossings(len(doubtful), alone=False)
 
 
 def test_three_places_control_each_other():
@@ -107,10 +107,10 @@ def test_three_places_control_each_other():
     xs = np.array([-0.01, 0.0, 0.01])
     assert side_of(edge(xs, [0, 0, 0])) is None
     assert isinstance(side_of(edge(xs, [0, 0, 0.0027])), PlaceBeside)
-    assert side_of(edge(xs[:2], [0, 0]) * 4) == EdgeMetRarely(16, alone=False)
-    assert side_of([]) == EdgeMetRarely(0, alone=False)
-    assert side_of(edge([0, 0.003, 0.006, 0.009], [0] * 4)) == EdgeMetRarely(8, alone=False)
-    assert side_of(edge([-0.006, 0.0, 0.07], [0, 0, 0])) == EdgeMetRarely(6, alone=True)
+    assert side_of(edge(xs[:2], [0, 0]) * 4) == FewEdgeCrossings(16, alone=False)
+    assert side_of([]) == FewEdgeCrossings(0, alone=False)
+    assert side_of(edge([0, 0.003, 0.006, 0.009], [0] * 4)) == FewEdgeCrossings(8, alone=False)
+    assert side_of(edge([-0.006, 0.0, 0.07], [0, 0, 0])) == FewEdgeCrossings(6, alone=True)
 
 
 def test_sensors_may_differ_by_their_mounting():

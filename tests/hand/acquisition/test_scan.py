@@ -22,7 +22,7 @@ from tanteo.hand import (
 )
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.scan import WIDTHS, scan
-from tanteo.words.findings import Followed, NoRoom, NotOneFeature
+from tanteo.words.findings import Followed, NoSpace, NotOneFeature
 
 STANDOFF = 0.027
 RULES = Rules(clearance=0.6 * STANDOFF)
@@ -79,7 +79,7 @@ def test_the_hand_turns_square_where_clearance_is_known():
     session = SensingRun(robot, STANDOFF, RULES, None)
     status, message, _ = scan(session, "plane", WIDTHS[0])
     assert (status, session.motions) == ("limit", [])
-    assert isinstance(message, NoRoom)
+    assert isinstance(message, NoSpace)
     assert retreat(robot, 0.05, RULES).reached
     session.does(spiral_scan(robot, 0.3, RULES, spacing=0.05))
     assert session.does(go_to(robot, T, RULES)).reached

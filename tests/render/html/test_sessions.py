@@ -90,7 +90,7 @@ def test_readings_that_do_not_fit_fix_nothing(wedge):
 
 def test_a_session_without_readings_is_reported(session):
     page = session_page(Session(session.start, session.probe), RUN)
-    assert "<h1>No reading has met a part yet.</h1>" in page
+    assert "<h1>No reading has hit a part yet.</h1>" in page
     assert "How it went" not in page
 
 

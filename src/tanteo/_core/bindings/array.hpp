@@ -1,4 +1,4 @@
-// An array that is read: of its own, or in a buffer that its owner's owner keeps, such as a mapped file.
+// A read-only array that owns its values, or refers to a buffer that the caller keeps alive, such as a mapped file.
 #pragma once
 #include <cstddef>
 #include <utility>
@@ -12,9 +12,9 @@ class Array {
     Array() = default;
     Array(std::vector<T> values) : own(std::move(values)), first(own.data()), count(own.size()) {}
     Array(const T* values, size_t size) : first(values), count(size) {}
-    Array(const Array&) = delete;  // a copy would point into the other
+    Array(const Array&) = delete;  // a copy would point into the original
     Array& operator=(const Array&) = delete;
-    Array(Array&&) = default;  // a moved vector keeps its place
+    Array(Array&&) = default;  // a moved vector keeps its address
     Array& operator=(Array&&) = default;
 
     size_t size() const { return count; }

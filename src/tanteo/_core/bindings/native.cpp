@@ -10,9 +10,9 @@
 #include <memory>
 
 #include "proposals/axes.hpp"
-#include "bindings/door.hpp"
+#include "bindings/conversion.hpp"
 #include "factors/registry.hpp"
-#include "bindings/normal_poses_door.hpp"
+#include "bindings/normal_poses_arguments.hpp"
 #include "solve/likelihood.hpp"
 #include "normal.hpp"
 #include "proposals/overlaps.hpp"
@@ -29,15 +29,15 @@ using namespace tanteo;
 using namespace nb::literals;
 
 namespace tanteo {
-void offer_images(nb::module_& m);  // image_door.cpp
+void offer_images(nb::module_& m);  // image_bindings.cpp
 void offer_python_terms(nb::module_& m);  // factors/python_term.cpp
-void offer_pose_terms(nb::module_& m);  // factors/pose_terms_door.cpp
-void offer_beams(nb::module_& m);   // beam_door.cpp
-void offer_coarse(nb::module_& m);  // coarse_door.cpp
-void offer_outlines(nb::module_& m);  // outlines_door.cpp
-void offer_planes(nb::module_& m);  // planes_door.cpp
-void offer_axes(nb::module_& m);  // axes_door.cpp
-void offer_rounds(nb::module_& m);  // rounds_door.cpp
+void offer_pose_terms(nb::module_& m);  // pose_terms_bindings.cpp
+void offer_beams(nb::module_& m);   // beam_bindings.cpp
+void offer_coarse(nb::module_& m);  // coarse_bindings.cpp
+void offer_outlines(nb::module_& m);  // outlines_bindings.cpp
+void offer_planes(nb::module_& m);  // planes_bindings.cpp
+void offer_axes(nb::module_& m);  // axes_bindings.cpp
+void offer_rounds(nb::module_& m);  // rounds_bindings.cpp
 }
 
 namespace {
@@ -58,14 +58,14 @@ Out shared_out(const std::vector<State>& all, size_t D) {
     return array_of(std::move(out), {all.size(), D});
 }
 
-// the lower triangle is known; both are handed out
+// returns the full symmetric matrix from its lower triangle
 void symmetric(const std::vector<double>& A, int K, double* out) {
     for (int a = 0; a < K; ++a)
         for (int b = 0; b < K; ++b) out[a * K + b] = a >= b ? A[a * K + b] : A[b * K + a];
 }
 
-constexpr int MOST_FACES = 10'000'000;  // their areas are kept by number
-constexpr size_t AXIS_COLUMNS = ModelAxes::COLUMNS;  // ends, range of the size, share, side, number, code, line or point, second size
+constexpr int MOST_FACES = 10'000'000;  // their areas are stored by number
+constexpr size_t AXIS_COLUMNS = ModelAxes::COLUMNS;  // ends, range of the size, fraction, side, number, code, line or point, range of a second size
 constexpr int MOST_LANDMARKS = ModelAxes::KINDS - 1;
 
 std::unique_ptr<Shape> make_shape(Doubles vertices, Ints triangles, Ints faces, Ints profile_rows, Doubles profiles,
@@ -89,7 +89,7 @@ std::unique_ptr<Shape> make_shape(Doubles vertices, Ints triangles, Ints faces, 
     for (size_t k = 0, known = expect(axes, "axes", {ANY, AXIS_COLUMNS}); k < known; ++k) {
         const double* x = axes.data() + AXIS_COLUMNS * k;
         const Vec3 a = load(x), b = load(x + 3);
-        if (!(norm(b - a) > 0)) refuse("axes", "expected two ends apart");
+        if (!(norm(b - a) > 0)) refuse("axes", "expected two different ends");
         RoundAxis axis{a, unit(b - a), x[12] > 0 ? norm(b - a) : 0.0, x[6], x[7], expect(x[8], "axes", 0, 1),
                        x[13], x[14], 0, 0, 0};
         axis.hole = x[9] > 0 ? 1 : -1;
@@ -102,7 +102,7 @@ std::unique_ptr<Shape> make_shape(Doubles vertices, Ints triangles, Ints faces, 
     solid.samples = vectors(samples, "samples");
     solid.sample_normals = vectors(sample_normals, "sample_normals");
     if (solid.hull.empty() || solid.samples.empty() || solid.samples.size() != solid.sample_normals.size())
-        refuse("samples", "expected some, each with a normal, and a hull");
+        refuse("samples", "expected at least one, each with a normal, and a hull");
     expect(cells, "cells", 4, 256);
     solid.centre = vector(centre, "centre");
     nb::gil_scoped_release release;
@@ -124,7 +124,7 @@ struct FactorList {
     std::vector<std::shared_ptr<const Factor>> all;
 };
 
-// Named arrays from Python; those that had to be converted live as long as kept.
+// Named arrays from Python; `kept` owns converted arrays.
 std::map<std::string, Columns::Array> arrays_of(const nb::dict& given, std::vector<Doubles>& kept) {
     std::map<std::string, Columns::Array> arrays;
     for (const auto& [key, value] : given) {
@@ -247,10 +247,10 @@ std::tuple<Out, Out, Out> slopes(const Shape& shape, const Problem& problem, Dou
             array_of(std::move(informations), {S, K, K})};
 }
 
-// Of every factor at every pose (S, n, 12): density on the part over that of an outlier, probability that it is no
-// outlier, and of its likeliest element: distance, one over its sd, tilt of the direction in sds, density if it were right
-// on it, normal (3); and its place in the part (3). The elements (S, n), the log density of all factors together (S), and
-// of each label group on the part (S, G).
+// Evaluation of every factor at every pose. A table (S, n, 12): density on the part relative to an outlier, probability that
+// it is no outlier; for its likeliest element: distance, one over its sd, tilt of the direction in sds, density if it were
+// exactly on the element, normal (3); and its position in the part frame (3). Further the elements (S, n), the log density
+// of all factors together (S), and that of each label group on the part (S, G).
 nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs) {
     const std::vector<State> all = states(Ts, zs, problem);
     const size_t S = all.size(), n = problem.factors.size();
@@ -332,24 +332,24 @@ Out scores(const Shape& shape, const Problem& problem, Ints rows, Doubles Ts, do
     return list_of(std::move(out));
 }
 
-// Poses that settled, their costs, which start led to each, the common offsets [m] and the distances of the points.
-std::tuple<Out, Out, OutInts, Out, Out> settled(const Shape& shape, const Problem& problem, Ints rows, Doubles scales,
-                                                Doubles Ts, double offset_sd, bool with_distances) {
+// Refined poses, their costs, the start that led to each, the common offsets [m] and the distances of the points.
+std::tuple<Out, Out, OutInts, Out, Out> refined(const Shape& shape, const Problem& problem, Ints rows, Doubles scales,
+                                                 Doubles Ts, double offset_sd, bool with_distances) {
     const std::vector<Pose> starts = poses(Ts);
     const std::vector<int> which = expect(rows, "rows", ANY, 0, int64_t(problem.factors.size()) - 1);
     const std::vector<double> steps = doubles(scales, "scales", {ANY});
     if (steps.empty()) refuse("scales", "expected some, got none");
     for (const double step : steps) expect(step, "scales", 1e-300, 1e300);
     expect(offset_sd, "offset_sd", 0, 1e300);
-    std::vector<Settled> found;
+    std::vector<RefinedPose> found;
     {
         nb::gil_scoped_release release;
-        found = settle(shape, problem, which, steps, starts, offset_sd);
+        found = refine_poses(shape, problem, which, steps, starts, offset_sd);
     }
     std::vector<Pose> at;
     std::vector<double> costs, offsets, distances;
     std::vector<int32_t> from;
-    for (const Settled& s : found) {
+    for (const RefinedPose& s : found) {
         at.push_back(s.pose);
         costs.push_back(s.cost);
         from.push_back(s.from);
@@ -363,7 +363,7 @@ std::tuple<Out, Out, OutInts, Out, Out> settled(const Shape& shape, const Proble
             array_of(std::move(distances), {S, n})};
 }
 
-// Maxima: poses, shared errors, log densities, informations about the centre, and which start led to each.
+// Maxima: poses, shared errors, log densities, informations about the centre, and the start that led to each.
 nb::tuple maximized(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs, Doubles blurs, int steps,
                   double enough, double margin) {
     const std::vector<State> starts = states(Ts, zs, problem);
@@ -393,7 +393,7 @@ nb::tuple maximized(const Shape& shape, const Problem& problem, Doubles Ts, Doub
                           array_of(std::move(informations), {S, K, K}), list_of(std::move(from)));
 }
 
-// log densities of poses, shared errors and noise scale integrated out, and their best values there
+// log densities of poses with shared errors and noise scale integrated out, and the best values of these
 std::tuple<Out, Out> marginals(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs) {
     std::vector<State> all = states(Ts, zs, problem);
     std::vector<double> logs(all.size());
@@ -460,8 +460,8 @@ std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Ints owners, Doubles mea
     return {list_of(std::move(logs)), array_of(std::move(shares), {all.size(), m})};
 }
 
-// Of poses in the given order, those that are farther than a limit from all before, in squared standard deviations of
-// the information of the earlier one; and for every pose the kept one that it is, or -1 after the most were kept.
+// Indices of the poses, in the given order, that are farther than a limit from all earlier kept ones, in squared standard
+// deviations by the information of the kept one; and for every pose the kept one that it equals, or -1 once `most` are kept.
 std::tuple<OutInts, OutInts> distinct(Doubles Ts, Doubles informations, double limit, int most, Doubles centre) {
     const std::vector<Pose> all = poses(Ts);
     expect(informations, "informations", {all.size(), 6, 6});
@@ -575,7 +575,7 @@ NB_MODULE(native, m) {
     m.def("propose", &proposed, "shape"_a, "problem"_a, "rows"_a, "pairs"_a, "per_pair"_a, "spins"_a, "tolerance"_a,
           "blur"_a, "tilt"_a, "keep"_a, "seed"_a);
     m.def("scores", &scores, "shape"_a, "problem"_a, "rows"_a, "poses"_a, "blur"_a, "tilt"_a);
-    m.def("settle", &settled, "shape"_a, "problem"_a, "rows"_a, "scales"_a, "poses"_a,
+    m.def("refine_poses", &refined, "shape"_a, "problem"_a, "rows"_a, "scales"_a, "poses"_a,
           "offset_sd"_a = 0.0, "with_distances"_a = false);
     m.def("maximize", &maximized, "shape"_a, "problem"_a, "poses"_a, "shared"_a, "blurs"_a, "steps"_a, "enough"_a,
           "margin"_a);

@@ -1,10 +1,10 @@
-// One of several groups of terms holds: the log density is
+// Mixture over groups of terms, of which exactly one applies. The log density is
 //
 //   log sum_k exp(w_k + sum_i l_ki(T, z)),
 //
-// with w_k the log probability of group k beforehand and l_ki the log densities of its terms. Gradient and information
-// are the means of those of the groups by their probabilities at the pose: the spread between the groups' gradients,
-// which would make the information indefinite, is left out.
+// with w_k the log prior probability of group k and l_ki the log densities of its terms. Gradient and information are the
+// means over the groups, weighted by their probabilities at the pose. The spread between the groups' gradients is
+// omitted, because it would make the information indefinite.
 #pragma once
 #include <algorithm>
 #include <memory>

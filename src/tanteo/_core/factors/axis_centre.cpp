@@ -1,6 +1,5 @@
-// The centre of a circle: normal about the axis of a hole or boss, even along it at any height, with the circle's axis (of
-// either sign) and radius where they were sensed.
-// round_centre.hpp has the formula.
+// The centre of a circle: normal about the axis of a hole or boss, uniform along it, with the circle's axis (of either
+// sign) and radius if they were sensed. round_centre.hpp has the formula.
 #include "factors/round_centre.hpp"
 
 namespace tanteo {

@@ -1,6 +1,5 @@
-// The apex of a cone, or a point of its axis at a known offset from it: normal about it, with the axis into the cone and the
-// half angle where they were sensed.
-// round_centre.hpp has the formula.
+// The apex of a cone, or a point of its axis at a known offset from the apex: a normal density, with the axis into the
+// cone and the half angle if they were sensed. round_centre.hpp has the formula.
 #include "factors/round_centre.hpp"
 
 namespace tanteo {

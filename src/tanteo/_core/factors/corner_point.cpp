@@ -1,4 +1,4 @@
-// A point that was sensed on a corner of the part: normal about it, every corner as probable as any other.
+// A point that was sensed on a corner of the part: a normal density about each corner, all equally probable.
 // p(x | pose) = sum_i N(x; c_i, C) / n.
 #include "factors/gaussian.hpp"
 #include "factors/on_surface.hpp"

@@ -1,5 +1,5 @@
-// A point that was sensed on a straight edge of the part: normal about the edge, even along it, each edge as probable as
-// it is long. p(x | pose) = sum_i (L_i / L) f_i(x), with f_i of gaussian.hpp.
+// A point that was sensed on a straight edge of the part: normal about the edge, uniform along it. The probability of an
+// edge is proportional to its length: p(x | pose) = sum_i (L_i / L) f_i(x), with f_i of gaussian.hpp.
 #include <algorithm>
 
 #include "factors/gaussian.hpp"

@@ -21,7 +21,7 @@ NearestPlace nearest_on_surface(const Factor& factor, const Shape& shape, const 
     NearestPlace out;
     out.distance = sign * std::sqrt(closest.squared) - radius;
     out.per_sd = 1 / std::sqrt(dot(d, factor.cov * d) + factor.extra);
-    // density right on a face of that normal, times the sd along it
+    // density of a point exactly on a face with this normal
     double density = directed ? std::max(-dot(n, inward), 0.0) : 1 / shape.area;
     if (factor.oriented) {
         const double per_tilt = 1 / factor.direction_sd;
@@ -41,11 +41,11 @@ void add_component(LocalSlope& sum, const Component& c, double weight) {
         add_outer(sum.pp, weight * c.per_sd * c.per_sd, c.normal, c.normal);
     }
     sum.p += weight * c.slope;
-    // what a tilt adds to the block of p and m is not negative by itself
+    // the block of p and m that a tilt adds is positive semidefinite by itself
     const Mat3 stiff = c.tilted ? not_negative(c.stiff) : c.stiff;
     for (int i = 0; i < 9; ++i) sum.pp.m[i] += weight * stiff.m[i];
     if (!c.tilted) return;
-    for (int i = 0; i < 2; ++i) {  // tilt_i = e_i . m / sd, and e_i turns with p by the curvature
+    for (int i = 0; i < 2; ++i) {  // tilt_i = e_i . m / sd; the curvature turns e_i with p
         const Vec3 by_p = (-c.bend[i] * c.along * c.per_tilt[i]) * c.e[i];
         const Vec3 by_m = c.per_tilt[i] * c.e[i];
         sum.p += (-weight * c.tilt[i]) * by_p;
@@ -58,7 +58,7 @@ void add_component(LocalSlope& sum, const Component& c, double weight) {
 
 double tilt_density(const Vec3* e, const double* bend, const Vec3& n, const Mat3& C, const Vec3& m, double variance,
                     Component& component) {
-    constexpr double FROM_BEHIND = 2e-22;  // factor for a sensed normal that points into the part
+    constexpr double INTO_PART = 2e-22;  // factor for a sensed normal that points into the part
     component.along = dot(n, m);
     component.tilted = true;
     double log = -2 * HALF_LOG_TWO_PI;
@@ -72,7 +72,7 @@ double tilt_density(const Vec3* e, const double* bend, const Vec3& n, const Mat3
         log -= 0.5 * component.tilt[i] * component.tilt[i];
     }
     const double density = component.per_tilt[0] * component.per_tilt[1] * fast_exp(log);
-    return component.along > 0 ? density : FROM_BEHIND * density;
+    return component.along > 0 ? density : INTO_PART * density;
 }
 
 }  // namespace tanteo

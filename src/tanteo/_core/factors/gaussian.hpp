@@ -1,4 +1,4 @@
-// Normal densities of a place about a point and about a line segment, with gradient and curvature.
+// Normal densities of a position about a point and about a line segment, with gradient and curvature.
 #pragma once
 #include <cstring>
 
@@ -6,10 +6,10 @@
 
 namespace tanteo {
 
-// Density of a place p that is on a segment from a: normal about the line, even along the length L,
+// Density of a position p measured on a segment from a: normal about the line, uniform along the length L,
 //   f(p) = N(u; 0, C_uu) [Phi(t / s) - Phi((t - L) / s)] / L,
-// with u across and t along the line, s the standard deviation along it. Sets all but weight and element of the
-// component; 0 where p is far away.
+// with u across and t along the line, s the standard deviation along it. Sets the component except weight and element;
+// returns 0 if p is beyond REACH.
 inline double segment_density(const Vec3& a, const Vec3& direction, double length, const Vec3& p, const Mat3& C,
                               Component& component) {
     const Vec3 off = p - a;
@@ -53,7 +53,7 @@ class PointDensity {
             for (int k = 0; k < 3; ++k) info(k, i) = column[k];
         }
     }
-    // Sets all but weight and element of the component; 0 where p is far away.
+    // Sets the component except weight and element; returns 0 if p is beyond REACH.
     double at(const Vec3& c, const Vec3& p, Component& component) const {
         const Vec3 off = p - c, pull = info * off;
         const double q = dot(off, pull);

@@ -9,8 +9,8 @@ namespace tanteo {
 
 namespace {
 
-// What is seen is found for eyes on a grid of this share of their distance (0.1 degrees), so that the poses of one
-// maximum share a few views.
+// Visibility is computed for camera centres on a grid of this fraction of their distance (0.1 degrees), so that the poses
+// of one maximum share a few views.
 constexpr double EYE_STEP = 2e-3;
 constexpr size_t MOST_VIEWS = 4096;
 
@@ -20,9 +20,9 @@ double normal_density(double d, double sd) { return std::exp(-0.5 * d * d / (sd 
 
 }  // namespace
 
-// A sample that the camera sees.
-struct ImageEdges::Met {
-    EdgeMet at;
+// A visible sample, matched to an edge point of the image or not.
+struct ImageEdges::Sample {
+    EdgeMatch at;
     int edge;
     double seen, offset;
     std::array<double, MOST_COLUMNS> row;  // derivative of the offset by the states
@@ -41,7 +41,7 @@ ImageEdges::ImageEdges(std::shared_ptr<const EdgePart> part_, std::shared_ptr<co
 
 double ImageEdges::add(const State& state, const Slope* slope) const { return evaluate(state, slope).log; }
 
-// The view from the corner of the grid that is nearest to the eye: it does not depend on what was asked before.
+// The view from the grid point nearest to the camera centre; it does not depend on earlier calls.
 std::shared_ptr<const ImageEdges::View> ImageEdges::view_from(const Vec3& eye) const {
     const int power = static_cast<int>(std::floor(std::log2(std::max(EYE_STEP * norm(eye), 1e-9))));
     const double step = std::ldexp(1.0, power);
@@ -55,15 +55,15 @@ std::shared_ptr<const ImageEdges::View> ImageEdges::view_from(const Vec3& eye) c
     auto view = std::make_shared<View>();
     view->shown.resize(part->frame->size());
     view->rims.resize(part->frame->size());
-    part->frame->see(step * Vec3{double(key[1]), double(key[2]), double(key[3])}, true, view->shown.data(),
-                     view->rims.data());
+    part->frame->mark(step * Vec3{double(key[1]), double(key[2]), double(key[3])}, true, view->shown.data(),
+                      view->rims.data());
     const std::lock_guard<std::mutex> lock(mutex);
     if (views.size() >= MOST_VIEWS) views.clear();
     return views.emplace(key, std::move(view)).first->second;
 }
 
-// Area of the silhouette on bare table: of surface dA with the normal n at p, the camera sees fx fy |n p| / z^3 dA.
-// Of surfaces behind each other all are counted.
+// Area of the silhouette on bare table: surface dA with the normal n at p covers fx fy |n p| / z^3 dA of the image. Hidden
+// surfaces count as well.
 double ImageEdges::spilled_area(const Pose& pose, const Lens& lens) const {
     if (image->bare.empty()) return 0;
     double area = 0;
@@ -81,8 +81,8 @@ double ImageEdges::spilled_area(const Pose& pose, const Lens& lens) const {
     return area;
 }
 
-// The level of the nearest pose, by the mean squared distance of the part's marks. Farther off than `near` of their
-// spread it is `least` at least: the constants of poses at which few edges are met hold for no others.
+// The level of the nearest pose, by the mean squared distance of the part's marks. Beyond a fraction `near` of their spread
+// it is at least `least`: the constants of poses at which few edges match apply to no other poses.
 double ImageEdges::level_at(const Pose& T, double least) const {
     if (levels.empty()) return 0;
     double best = 1e300, level = 0;
@@ -115,17 +115,17 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
         lens.cx += image->shift_sd * z[of_camera];
         lens.cy += image->shift_sd * z[of_camera + 1];
     }
-    const Pose pose{transposed(camera.R) * state.pose.R, into_part(camera, state.pose.t)};  // of the part in the camera
+    const Pose pose{transposed(camera.R) * state.pose.R, into_part(camera, state.pose.t)};  // part in the camera frame
     const std::shared_ptr<const View> view = view_from(into_part(pose, {}));
 
     int columns[MOST_COLUMNS];
     for (int c = 0; c < 6 + states; ++c) columns[c] = c < 6 ? c : first + c;
-    std::vector<Met> all, met;
+    std::vector<Sample> all, matched;
     std::vector<EdgePlace> everywhere, places;
     std::vector<double> missed(part->edges), missed_log(part->edges);
     for (size_t k = 0; k < frame.size(); ++k) {
         if (!view->shown[k]) continue;
-        const EdgeMet m = meet_edge(lens, points, frame.samples[k], pose, true, frame.diagonal, reach);
+        const EdgeMatch m = match_edge(lens, points, frame.samples[k], pose, true, frame.diagonal, reach);
         if (!m.inside) continue;
         const double seen = view->rims[k] ? rules.rim_seen : rules.crease_seen;
         const int edge = part->groups[k];
@@ -162,50 +162,50 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
                 row[7 + of_camera] = -image->shift_sd * m.ny;
             }
         }
-        met.push_back(all.back());
+        matched.push_back(all.back());
         places.push_back({m.x + offset * m.nx, m.y + offset * m.ny, m.nx, m.ny, std::max(m.span, rules.beside),
                           std::fabs(offset), edge});
     }
     const std::vector<char> own = foremost(places, rules.along);
     std::vector<double> length(part->edges);
-    for (size_t k = 0; k < met.size(); ++k)
-        if (own[k]) length[met[k].edge] += met[k].at.span;
+    for (size_t k = 0; k < matched.size(); ++k)
+        if (own[k]) length[matched[k].edge] += matched[k].at.span;
 
     Sums sums;
     const double spread = 1 / (rules.spread * rules.spread), wide = 1 / (rules.displaced_sd * rules.displaced_sd);
-    for (size_t k = 0; k < met.size(); ++k) {
+    for (size_t k = 0; k < matched.size(); ++k) {
         if (!own[k]) continue;
-        const EdgeMet& m = met[k].at;
+        const EdgeMatch& m = matched[k].at;
         size_t cell = 0;
         if (image->chance.size() > 1)
             cell = (points.channels.of(m.nx, m.ny) * image->rows + static_cast<int64_t>(m.y + 0.5)) * image->columns +
                    static_cast<int64_t>(m.x + 0.5);
-        const double d = met[k].offset, scale = met[k].seen * 2 * rules.reach / image->chance[cell];
+        const double d = matched[k].offset, scale = matched[k].seen * 2 * rules.reach / image->chance[cell];
         const double near = (1 - rules.displaced) * scale * normal_density(d, rules.spread);
         const double far = rules.displaced * scale * normal_density(d, rules.displaced_sd);
-        const double total = near + far + 1 - met[k].seen;
-        const double weight = m.span / rules.stretch / (1 + length[met[k].edge] / rules.whole);
+        const double total = near + far + 1 - matched[k].seen;
+        const double weight = m.span / rules.stretch / (1 + length[matched[k].edge] / rules.whole);
         sums.hits += weight * std::log(total);
         sums.squares += d * d;
-        sums.met += 1;
+        sums.matched += 1;
         if (!slope) continue;
         const double information = rules.hits * weight * (near * spread + far * wide) / total;
-        slope->add(-information * d, information, met[k].row.data(), columns, 6 + states);
+        slope->add(-information * d, information, matched[k].row.data(), columns, 6 + states);
     }
     for (int e = 0; e < part->edges; ++e)
         if (missed[e] > 0) sums.misses += missed_log[e] / rules.stretch / (1 + missed[e] / rules.whole);
     sums.spilled = spilled_area(pose, lens);
-    if (rules.astray > 0) locate(all, crowded(everywhere, rules.beside, rules.along), sums, slope, columns, 6 + states);
+    if (rules.astray > 0) locate(all, ambiguous_places(everywhere, rules.beside, rules.along), sums, slope, columns, 6 + states);
     sums.there = rules.hits * sums.hits + rules.misses * sums.misses +
                  rules.spilled * sums.spilled / (rules.stretch * rules.stretch);
     sums.log = sums.there + sums.located - level_at(state.pose, sums.astray);
     return sums;
 }
 
-// The sum S: where edges are. Samples that have another edge of the part beside them are excluded, and of those of one edge
-// all that are far from its median. With independent variances W^-1 and a common error of deviations b, the inverse of
-// W^-1 + b b' is by Woodbury, and its determinant is that of W^-1 times 1 + b' W b.
-void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& beside, Sums& sums, const Slope* slope,
+// The sum S, which depends on the positions of edges. Samples beside another edge of the part are excluded, and samples far
+// from the median of their edge. With independent variances W^-1 and a common error with standard deviations b, the
+// inverse of W^-1 + b b' follows from Woodbury's formula; its determinant is that of W^-1 times 1 + b' W b.
+void ImageEdges::locate(const std::vector<Sample>& all, const std::vector<char>& beside, Sums& sums, const Slope* slope,
                         const int* columns, int count) const {
     struct Case {
         double more, log, chi2 = 0, draws = 0;  // more: variance of the common error beyond the stated one [px^2]
@@ -216,7 +216,7 @@ void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& be
         return Case{more, std::log(share), 0, 0, std::vector<double>(n), std::vector<double>(n * n)};
     };
     Case cases[] = {empty(0, 1 - rules.inexact), empty(0.25 * rules.displaced_sd * rules.displaced_sd, rules.inexact)};
-    std::vector<std::vector<const Met*>> edges(part->edges);
+    std::vector<std::vector<const Sample*>> edges(part->edges);
     std::vector<char> visible(part->edges);
     for (size_t k = 0; k < all.size(); ++k) {
         if (beside[k]) continue;
@@ -225,16 +225,16 @@ void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& be
     }
     for (int e = 0; e < part->edges; ++e) {
         if (!visible[e]) continue;
-        std::vector<const Met*>& own = edges[e];
+        std::vector<const Sample*>& own = edges[e];
         sums.astray += std::log(rules.astray);
-        std::sort(own.begin(), own.end(), [](const Met* a, const Met* b) { return a->offset < b->offset; });
+        std::sort(own.begin(), own.end(), [](const Sample* a, const Sample* b) { return a->offset < b->offset; });
         const double median = own.empty() ? 0 : 0.5 * (own[(own.size() - 1) / 2]->offset + own[own.size() / 2]->offset);
         double stated = 1;
         for (Case& one_case : cases) {
             double square = 0, along = 0, total = 1, draws = 0;
             std::array<double, MOST_COLUMNS> common{};
             std::vector<double> weights;
-            for (const Met*& one : own) {
+            for (const Sample*& one : own) {
                 const double sd = image->sds[one->at.point], b0 = image->commons[one->at.point], d = one->offset;
                 const bool with_the_rest = std::fabs(d - median) < 4 * std::sqrt(sd * sd + b0 * b0 + rules.spread * rules.spread);
                 const double share = with_the_rest ? std::min(one->at.span / rules.correlation, 1.0) : 0.0;

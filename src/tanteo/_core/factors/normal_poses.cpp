@@ -8,7 +8,7 @@ namespace tanteo {
 
 namespace {
 
-// log of a rigid motion: xi with exp(xi) = (R, t), and how it follows a small motion from the right.
+// log of a rigid motion: xi with exp(xi) = (R, t), and its derivatives J by a small motion from the right.
 void log_motion(const Mat3& R, const Vec3& t, double xi[6], double J[36]) {
     const Vec3 w = rotation_vector(R);
     const double t2 = squared(w), angle = std::sqrt(t2);
@@ -39,7 +39,7 @@ void log_motion(const Mat3& R, const Vec3& t, double xi[6], double J[36]) {
     }
 }
 
-// How root * xi follows a small motion at the centre c: (v, w) there is (v + c x w, w) about the origin.
+// Derivatives of root * xi by a small motion about the centre c: (v, w) there is (v + c x w, w) about the origin.
 void root_by_motion(const PosePrior& prior, const double* J, const Vec3& c, double* rows) {
     const double hat[9] = {0, -c.z, c.y, c.z, 0, -c.x, -c.y, c.x, 0};
     for (int i = 0; i < 6; ++i) {

@@ -2,7 +2,7 @@
 //
 //   log p(T) = log sum_k exp(w_k - |L_k log(T_k^-1 T)|^2 / 2),
 //
-// with L' L the information of each, x y z rx ry rz in the part frame, and w_k its log weight with its normalization.
+// with L_k' L_k the information, order x y z rx ry rz, part frame, and w_k the log weight with the normalization.
 #pragma once
 #include <utility>
 #include <vector>

@@ -7,10 +7,10 @@ namespace tanteo {
 
 namespace {
 
-constexpr double CLEARLY = 0.1;   // cosine from which a face looks away from a side that is roughly known
-constexpr double WRONG_SIDE = 4;  // rough cost of a beam that comes from inside of the part
-constexpr double IN_FRONT = 4;    // material so many standard deviations before a point contradicts its beam
-constexpr size_t WINDOW = 256;    // samples among which a partner is searched
+constexpr double CLEARLY = 0.1;   // cosine from which a face points away from a roughly known side
+constexpr double WRONG_SIDE = 4;  // rough cost of a beam that comes from inside the part
+constexpr double IN_FRONT = 4;    // material this many standard deviations before a point contradicts its beam
+constexpr size_t WINDOW = 256;    // number of samples that are searched for a partner
 
 }  // namespace
 
@@ -28,7 +28,7 @@ bool OnSurface::is_blocked(const Placement& at) const {
 }
 
 Sites OnSurface::sites(const Shape& shape) const {
-    return Sites(shape.samples, shape.sample_normals, radius, WINDOW);  // samples come in no order: any in a row will do
+    return Sites(shape.samples, shape.sample_normals, radius, WINDOW);  // samples are in random order: any consecutive ones serve
 }
 
 double OnSurface::rough_cost(const Shape& shape, const Pose& pose, double blur, double tilt) const {

@@ -1,4 +1,4 @@
-// A log density that a Python function gives for a batch of poses: a sensor of a user, without a compiler.
+// A log density that a Python function computes for a batch of poses: a sensor of a user, without a compiler.
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
@@ -8,7 +8,7 @@
 #include <memory>
 #include <optional>
 
-#include "bindings/door.hpp"
+#include "bindings/conversion.hpp"
 #include "solve/pose_term.hpp"
 #include "solve/symmetric.hpp"
 
@@ -68,7 +68,7 @@ class PythonTerm final : public PoseTerm {
         return moved(pose, load(xi), load(xi + 3), centre);
     }
 
-    // Log density and the probability that the measurement is no outlier.
+    // Log density with outliers, and the probability that the measurement is no outlier.
     double mixed(double log, double* inlier) const {
         if (!(outlier_rate > 0)) {
             if (inlier) *inlier = 1;
@@ -150,7 +150,7 @@ class PythonTerm final : public PoseTerm {
         return values({pose})[0];
     }
 
-    // Minus a matrix of second derivatives, without its negative part, in units of the steps.
+    // Minus a matrix of second derivatives, without its negative eigenvalues in units of the steps.
     std::vector<double> not_negative_part(const double* H) const {
         std::vector<double> A(36), out(36, 0.0);
         for (int a = 0; a < 6; ++a)

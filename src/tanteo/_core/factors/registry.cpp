@@ -29,7 +29,7 @@ std::map<std::string, TermMaker>& terms() {
 
 [[noreturn]] void refuse(const std::string& name, const std::string& what) { refuse_argument(name, what); }
 
-// A covariance; a little is added to all directions where it would be singular otherwise.
+// A covariance; if it is singular, a small variance is added in all directions.
 Mat3 covariance(const double* values, double extra) {
     Mat3 C;
     std::copy_n(values, 9, C.m);
@@ -91,7 +91,7 @@ void Columns::fill(Factor& factor, size_t row) const {
     factor.at = vector("points", row);
     const double extra = number("extra", row, 0, 1e300);
     const double* covs = find("covs", 9);
-    if (!covs) refuse("covs", "expected one a measurement, got none");
+    if (!covs) refuse("covs", "expected one matrix for each measurement, got none");
     factor.set_noise(covariance(covs + 9 * row, extra), extra);
     factor.log_outlier = number("log_outlier", row, -1e300, 1e300);
 }

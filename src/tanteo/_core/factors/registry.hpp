@@ -1,4 +1,4 @@
-// Kinds of measurement factors by name: how the columns of many measurements of one kind become factors.
+// Registry of the kinds of measurement factors by name, and of the functions that make factors from columns.
 #pragma once
 #include <functional>
 #include <map>
@@ -11,7 +11,7 @@
 
 namespace tanteo {
 
-// Named arrays of n measurements of one kind, checked as they are read; what is wrong throws std::invalid_argument.
+// Named arrays of n measurements of one kind, checked on access; an invalid value throws std::invalid_argument.
 class Columns {
   public:
     struct Array {
@@ -21,12 +21,12 @@ class Columns {
 
     Columns(size_t rows, std::map<std::string, Array> arrays);
     size_t rows() const { return count; }
-    // A finite number within limits, or a vector, of a row; zero if the column is not given.
+    // A number of a row within limits, or a vector; zero if there is no such column.
     double number(const char* name, size_t row, double least, double most) const;
     Vec3 vector(const char* name, size_t row) const;
-    // What all kinds have: points, covs, extra, log_outlier.
+    // Sets the columns of all kinds: points, covs, extra, log_outlier.
     void fill(Factor& factor, size_t row) const;
-    // A sensed direction with direction_sds; none if it is zero.
+    // Sets a sensed direction with its sd; none if it is zero.
     void set_direction(Factor& factor, size_t row, const Vec3& direction) const;
 
   private:
@@ -43,7 +43,7 @@ struct RegisteredKind {
     RegisteredKind(const char* name, FactorMaker make, int landmark = 0);
 };
 
-// Return the factors of a kind that has fill(columns, row).
+// The factors of a kind whose class has fill(columns, row).
 template <class Kind>
 Factors factors_from_columns(const Columns& columns) {
     Factors out;
@@ -55,16 +55,16 @@ Factors factors_from_columns(const Columns& columns) {
     return out;
 }
 
-// Throws std::invalid_argument for a kind that is not registered, naming those that are.
+// Throws std::invalid_argument with the registered kinds if the kind is not registered.
 Factors make_factors(const std::string& kind, const Columns& columns);
 
-// Named arrays of one further term of the log density, checked as they are read.
+// Named arrays of one further term of the log density, checked on access.
 class Arrays {
   public:
     explicit Arrays(std::map<std::string, Columns::Array> arrays);
-    bool has(const char* name) const;                                       // whether it is given and not empty
-    double number(const char* name, double least, double most) const;       // of one number
-    std::vector<Vec3> vectors(const char* name) const;                      // of rows of three
+    bool has(const char* name) const;                                       // whether it exists and is not empty
+    double number(const char* name, double least, double most) const;       // an array of one number
+    std::vector<Vec3> vectors(const char* name) const;                      // an array of rows of three numbers
     std::vector<double> numbers(const char* name, std::vector<size_t> shape) const;
 
   private:
@@ -81,10 +81,10 @@ struct RegisteredTerm {
 // first: index of the first shared error of the term. Throws std::invalid_argument for a kind that is not registered.
 std::shared_ptr<PoseTerm> make_term(const std::string& kind, const Arrays& arrays, int first);
 
-// Throws std::invalid_argument: name: what was expected.
+// Throws std::invalid_argument with the name of the argument and what was expected.
 [[noreturn]] void refuse_argument(const std::string& name, const std::string& what);
 
-// Codes of the landmarks of kinds that are points of the part beside its surface (Shape::axes), by kind.
+// Codes of the landmarks (Shape::axes) by the kind of factor that measures them.
 const std::map<std::string, int>& landmark_codes();
 
 }  // namespace tanteo

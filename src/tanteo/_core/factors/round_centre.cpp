@@ -9,7 +9,7 @@ namespace tanteo {
 
 namespace {
 
-constexpr size_t HEIGHTS = 10;      // sites of a line: five places along it, each with both directions
+constexpr size_t HEIGHTS = 10;      // sites of a line: five places along it, each with both directions of the axis
 constexpr double SIZE_REACH = 4;    // standard deviations of a size within which a landmark is proposed
 
 }  // namespace
@@ -24,8 +24,8 @@ double size_density(double size, double least, double most, double sd) {
 
 }  // namespace
 
-// Whether it may be of a landmark: of its kind and side, and of sizes within so many standard deviations.
-bool RoundCentre::may_be(const RoundAxis& axis, double sds, double blur) const {
+// Whether a landmark may have been measured: by kind, side, and sizes within a number of standard deviations.
+bool RoundCentre::may_measure(const RoundAxis& axis, double sds, double blur) const {
     if (axis.kind != landmark() || side * axis.hole < 0) return false;
     const double within = sds * std::hypot(size_sd, blur), other_within = sds * std::hypot(other_sd, blur);
     if (size > 0 && !(size > axis.least - within && size < axis.most + within)) return false;
@@ -38,14 +38,14 @@ void RoundCentre::evaluate(const Placement& at, Components& out) const {
     const double tilt_variance = direction_sd * direction_sd + at.blur_turn * at.blur_turn;
     const PointDensity density(at.C);
     for (const RoundAxis& axis : at.shape.axes) {
-        if (!may_be(axis, REACH, blur)) continue;
+        if (!may_measure(axis, REACH, blur)) continue;
         Component c;
         c.weight = axis.weight * fast_exp(-log_outlier) *
                    (line ? segment_density(axis.a, axis.direction, axis.length, at.p, at.C, c)
                          : density.at(start(axis), at.p, c));
         if (size > 0) c.weight *= size_density(size, axis.least, axis.most, width);
         if (other > 0) c.weight *= size_density(other, axis.least_other, axis.most_other, std::hypot(other_sd, blur));
-        if (side) c.weight *= 2;  // the side was sensed, too: half of the prior is of the other one
+        if (side) c.weight *= 2;  // the side was sensed: the other side has half of the prior
         if (oriented && c.weight >= at.negligible) {
             const bool either = !axis_is_signed();
             const Vec3 n = either && dot(axis.direction, at.m) < 0 ? -axis.direction : axis.direction, u = any_across(n);
@@ -62,7 +62,7 @@ void RoundCentre::evaluate(const Placement& at, Components& out) const {
 Sites RoundCentre::sites(const Shape& shape) const {
     std::vector<Site> out;
     for (const RoundAxis& axis : shape.axes) {
-        if (!may_be(axis, SIZE_REACH, 0)) continue;
+        if (!may_measure(axis, SIZE_REACH, 0)) continue;
         if (!is_line()) out.push_back({start(axis), axis.direction});
         for (size_t k = 0; k < HEIGHTS && is_line(); ++k) {
             const double t = static_cast<double>(k / 2) / (HEIGHTS / 2 - 1);
@@ -72,13 +72,13 @@ Sites RoundCentre::sites(const Shape& shape) const {
     return Sites(out);
 }
 
-// The landmark next to a place of the part, and the way from it to the place; -1 if there is none.
+// The landmark nearest to a point of the part frame, and the vector from it to the point; -1 if there is none.
 int RoundCentre::nearest_landmark(const Shape& shape, const Vec3& p, Vec3& off) const {
     int best = -1;
     double least = 1e300;
     for (size_t k = 0; k < shape.axes.size(); ++k) {
         const RoundAxis& axis = shape.axes[k];
-        if (!may_be(axis, SIZE_REACH, 0)) continue;
+        if (!may_measure(axis, SIZE_REACH, 0)) continue;
         const Vec3 away = p - start(axis);
         const Vec3 from = away - std::clamp(dot(away, axis.direction), 0.0, axis.length) * axis.direction;
         if (squared(from) >= least) continue;

@@ -8,20 +8,20 @@ namespace tanteo {
 
 namespace {
 
-// A ray with unit direction d from o sees one of K points c_i of the part. In the plane across d, the point off = c_i - o at
-// the depth s = off . d is seen at the angles r = (u . off, v . off) / s, so that per steradian
-//   p(d | pose) = sum_i 1 / K N(r; 0, sigma^2 + (sigma_o / s)^2),
-// beside an outlier of any direction, 1 / (4 pi), with the rate q. Shared errors z of the station shift o and turn all
-// directions by L z, in the world.
+// A ray with unit direction d from o observes one of K points c_i of the part. In the plane across d, the point
+// off = c_i - o at the depth s = off . d has the angles r = (u . off, v . off) / s, so that per steradian
+//   p(d | pose) = (1 - q) sum_i 1 / K N(r; 0, sigma^2 + (sigma_o / s)^2) + q / (4 pi),
+// with the rate q of outliers, which have any direction. Shared errors z of the station shift o and turn all directions by
+// L z, in the world.
 class SightLines final : public PoseTerm {
   public:
     Vec3 origin;
     std::vector<Vec3> directions;
-    std::vector<Vec3> points;  // in the part; of each ray the same, or one each
+    std::vector<Vec3> points;  // in the part frame; candidates of every ray, or one for each ray
     bool one_each = false;
     double angle_sd = 1, origin_sd = 0, outlier_rate = 0.01;
-    std::vector<double> root;  // 6 x 6 of the station's errors, empty if there are none
-    int first = 0;             // of its shared errors
+    std::vector<double> root;  // 6 x 6 root L of the covariance of the station's errors; empty if there are none
+    int first = 0;             // index of its first shared error
 
     int columns() const override { return root.empty() ? 0 : first + 6; }
 
@@ -32,33 +32,33 @@ class SightLines final : public PoseTerm {
         const Vec3 from = origin + load(error);
         const Mat3 turn = rotation(load(error + 3));
         double log = 0;
-        std::vector<Seen> seen;
+        std::vector<Observed> observed;
         for (size_t j = 0; j < directions.size(); ++j) {
             const Vec3 d = turn * directions[j];
             double sum = outlier_rate;
-            seen.clear();
+            observed.clear();
             const size_t count = one_each ? 1 : points.size();
             for (size_t i = 0; i < count; ++i) {
-                const Seen one = see(state.pose, from, d, points[one_each ? j : i], count);
+                const Observed one = observe(state.pose, from, d, points[one_each ? j : i], count);
                 sum += one.density;
-                if (slope && one.density > 1e-12) seen.push_back(one);
+                if (slope && one.density > 1e-12) observed.push_back(one);
             }
             log += std::log(std::max(sum, 1e-300));
-            for (const Seen& one : seen) add_slope(one, one.density / sum, state.pose, *slope);
+            for (const Observed& one : observed) add_slope(one, one.density / sum, state.pose, *slope);
         }
         return log;
     }
 
   private:
-    struct Seen {
-        double density = 0;  // over that of an outlier, with the rate of inliers
-        Vec3 point, off;     // in the part; from the station, in the world
+    struct Observed {
+        double density = 0;  // relative to that of an outlier, with the rate of inliers
+        Vec3 point, off;     // point in the part frame; vector from the station in the world
         double r[2] = {};    // angles over their standard deviation
         Vec3 by_point[2];    // derivatives of r by the point in the world
     };
 
-    Seen see(const Pose& pose, const Vec3& from, const Vec3& d, const Vec3& point, size_t count) const {
-        Seen one;
+    Observed observe(const Pose& pose, const Vec3& from, const Vec3& d, const Vec3& point, size_t count) const {
+        Observed one;
         one.point = point;
         one.off = pose.R * point + pose.t - from;
         const double s = dot(one.off, d);
@@ -75,7 +75,7 @@ class SightLines final : public PoseTerm {
         return one;
     }
 
-    void add_slope(const Seen& one, double weight, const Pose& pose, const Slope& slope) const {
+    void add_slope(const Observed& one, double weight, const Pose& pose, const Slope& slope) const {
         int columns[12];
         const int count = root.empty() ? 6 : 12;
         for (int k = 0; k < count; ++k) columns[k] = k < 6 ? k : first + k;  // z begins at the sixth state
@@ -84,7 +84,7 @@ class SightLines final : public PoseTerm {
             const Vec3 g = one.by_point[k], in_part = transposed_times(pose.R, g);
             store(in_part, row);
             store(cross(one.point - slope.centre, in_part), row + 3);
-            const Vec3 by_turn = cross(g, one.off);  // turning the directions turns the point the other way
+            const Vec3 by_turn = cross(g, one.off);  // turning the directions turns the point inversely
             for (int z = 0; z < 6 && count > 6; ++z)
                 for (int i = 0; i < 3; ++i) row[6 + z] += -g[i] * root[6 * i + z] + by_turn[i] * root[6 * (3 + i) + z];
             slope.add(-weight * one.r[k], weight, row, columns, count);

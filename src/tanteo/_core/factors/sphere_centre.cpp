@@ -1,4 +1,4 @@
-// The centre of a sphere: normal about the centre of a ball or socket, with its radius where it was sensed.
+// The centre of a sphere: normal about the centre of a ball or socket, with its radius if it was sensed.
 // round_centre.hpp has the formula.
 #include "factors/round_centre.hpp"
 
@@ -11,7 +11,7 @@ class SphereCentre final : public RoundCentre {
 
   private:
     int landmark() const override { return LANDMARK; }
-    bool axis_is_signed() const override { return true; }  // a sphere has none; one that is given is compared as it is
+    bool axis_is_signed() const override { return true; }  // a sphere has no axis; a stated one is compared with its sign
 };
 
 static const RegisteredKind registered("sphere_centre", factors_from_columns<SphereCentre>, SphereCentre::LANDMARK);

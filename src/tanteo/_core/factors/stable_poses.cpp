@@ -9,13 +9,13 @@ namespace tanteo {
 
 namespace {
 
-constexpr double POLE = 0.05;  // a normal this near to the axis of revolution, or its opposite, is at its pole [sine]
+constexpr double POLE = 0.05;  // sine of the angle to the axis of revolution below which a normal is at its pole
 
 struct Residuals {
     double r[3];
     Vec3 by_turn[3];  // derivatives by w
     int count = 0;
-    double log_norm = 0;  // log of what a normal density of the residuals lacks to one of directions
+    double log_norm = 0;  // log normalization of the density of directions
 
     void add(double value, double sd, const Vec3& turn) {
         r[count] = value / sd;
@@ -56,7 +56,7 @@ double StablePoses::add(const State& state, const Slope* slope) const {
             tilt.log_norm = -std::log(4 * PI);
         } else {
             const Vec3 e = any_across(pose.up);
-            // of two opposite normals both residuals are the same: the far one is as far as residuals go
+            // opposite normals have equal residuals: the opposite one gets the largest residual
             if (dot(u, pose.up) < 0) tilt.log_norm = -0.5 / (tilt_sd * tilt_sd);
             along(e);
             along(cross(pose.up, e));

@@ -13,14 +13,14 @@ namespace {
 // What chose these numbers: benchmarks/against.py, rows bare, beams, balls; decisions 16, 53, 54.
 constexpr double ROUGH_REACH = 4;    // standard deviations of blurred noise beyond which a density is zero
 constexpr double GRAZING = 0.02;     // least cosine of incidence: a beam along a face does not measure it
-constexpr double FROM_BEHIND = 1e-6; // density of a beam that reached a face from behind
-constexpr double CLEARLY = 0.1;      // cosine from which a face looks away from a side that is roughly known
+constexpr double FROM_INSIDE = 1e-6; // density factor of a beam that hits a face from inside the part
+constexpr double CLEARLY = 0.1;      // cosine from which a face points away from a roughly known side
 constexpr double LEAST_MASS = 1e-3;  // least mass of the noise on a face that keeps a ball off another face
 constexpr double SMALL = 0.5;        // size of a facet cluster in standard deviations up to which it is one density
-constexpr double LARGE = 8;          // beyond it clusters are not tried: they would have to add next to nothing
-constexpr double BENT = 0.05;        // by how much their mean normal may be shorter than 1 where directions matter
-constexpr double BALL = 0.5, ROUGH_BALL = 2;  // radii in standard deviations from which a ball may touch edges
-constexpr double PARALLEL = 1e-3;    // least sine between two surfaces of which one keeps a ball off the other
+constexpr double LARGE = 8;          // size beyond which clusters are not tried: they are accurate only if negligible
+constexpr double BENT = 0.05;        // largest shortening of their mean normal if directions matter
+constexpr double BALL = 0.5, ROUGH_BALL = 2;  // radii in standard deviations from which a ball touches edges
+constexpr double PARALLEL = 1e-3;    // least sine between surfaces, one of which keeps a ball off the other
 
 struct TangentPlane {  // that touches the surface near a point
     Vec3 normal;
@@ -29,7 +29,7 @@ struct TangentPlane {  // that touches the surface near a point
     Profile::At at;
 };
 
-// The plane of a flat, or the one that touches the round surface behind it, at the place of the flat next to p.
+// The plane of a flat, or the tangent plane of the exact round surface that it approximates, at its point nearest to p.
 TangentPlane tangent_plane(const Shape& shape, const Flat& flat, const Vec3& p, bool with_bends) {
     TangentPlane plane;
     plane.normal = flat.normal;
@@ -42,7 +42,7 @@ TangentPlane tangent_plane(const Shape& shape, const Flat& flat, const Vec3& p, 
     const double dx = std::clamp(x, flat.lo[0], flat.hi[0]) - x, dy = std::clamp(y, flat.lo[1], flat.hi[1]) - y;
     const Vec3 shift = dx * flat.u + dy * flat.v;
     const Profile::At at = profile.at(p + shift, with_bends);
-    if (!(dot(at.normal, flat.normal) >= profile.alike)) return plane;
+    if (!(dot(at.normal, flat.normal) >= profile.min_cosine)) return plane;
     plane.normal = at.normal;
     plane.distance = at.distance - dot(at.normal, shift);
     plane.round = true;
@@ -50,7 +50,7 @@ TangentPlane tangent_plane(const Shape& shape, const Flat& flat, const Vec3& p, 
     return plane;
 }
 
-// Gradient and curvature of the log of the truncated mass by the point, whose place in the plane moves by du and dv.
+// Gradient and curvature of the log truncated mass by the point, whose position in the plane moves by du and dv.
 inline void follow_mass(TruncatedMass& mass, const Whitening& W, const Vec3& du, const Vec3& dv, Component& c) {
     c.slope = {};
     c.stiff = {};
@@ -65,7 +65,7 @@ inline void follow_mass(TruncatedMass& mass, const Whitening& W, const Vec3& du,
     add_outer(c.stiff, mass.yy, y, y);
 }
 
-// Mass of the noise about a place on the side to which a direction points; its slope is added.
+// Mass of the noise on the side of a place to which a direction points; adds its slope.
 double mass_beyond(const Vec3& side, const Vec3& place, double per_sd, Vec3& slope) {
     const double h = dot(place, side) * per_sd, mass = normal_below(h);
     slope += (per_sd * normal_density(h) / std::max(mass, 1e-300)) * side;
@@ -74,7 +74,7 @@ double mass_beyond(const Vec3& side, const Vec3& place, double per_sd, Vec3& slo
 
 }  // namespace
 
-struct SurfacePoint::Ball {  // a touch with a ball, in the part
+struct SurfacePoint::Ball {  // a touch with a ball, in the part frame
     const Placement& at;
     Vec3 along;
     double per_sd, normal_variance;
@@ -85,13 +85,13 @@ struct SurfacePoint::Tip {  // a convex vertex that a ball may touch, with one o
     Vec3 at, away;
 };
 
-// Density over the surface's measure of a sensor that came along d to a surface of normal n.
+// Density per measure of the surface for a sensor that came along d to a surface with normal n.
 inline double SurfacePoint::incidence_density(const Vec3& n, const Vec3& d, double per_area) const {
     if (directed) {
         const double cosine = -dot(n, d);
-        return cosine > 0 ? std::max(cosine, GRAZING) : FROM_BEHIND;
+        return cosine > 0 ? std::max(cosine, GRAZING) : FROM_INSIDE;
     }
-    return sided && dot(n, d) > CLEARLY ? FROM_BEHIND * per_area : per_area;
+    return sided && dot(n, d) > CLEARLY ? FROM_INSIDE * per_area : per_area;
 }
 
 void SurfacePoint::evaluate(const Placement& at, Components& out) const {
@@ -109,7 +109,7 @@ void SurfacePoint::evaluate_faces(const Placement& at, Components& out) const {
     const Vec3 d = sided ? transposed_times(at.R, inward) : Vec3{};
     const double per_area = 1 / shape.area;
     const bool ball = radius > (at.blur > 0 ? ROUGH_BALL : BALL) * widest;
-    const bool kept_off = ball && at.blur == 0;  // by other faces: blurred noise does not discriminate them
+    const bool kept_off = ball && at.blur == 0;  // by other faces; blurred noise is too wide for this
     out.contacts.clear();
     out.near_faces.clear();
     const double normal_variance = direction_sd * direction_sd + at.blur_turn * at.blur_turn;
@@ -131,7 +131,7 @@ void SurfacePoint::evaluate_faces(const Placement& at, Components& out) const {
         }
         const double per_sd = 1 / std::sqrt(variance);
         const double r = (plane.distance - radius) * per_sd;
-        const bool inside = kept_off && r < 0 && plane.distance > -radius;  // of a face: it may not touch another
+        const bool inside = kept_off && r < 0 && plane.distance > -radius;  // the ball overlaps the face, so that it cannot touch another
         if (std::fabs(r) > reach && !inside) return;
         double weight = incidence_density(n, d, per_area);
         weight *= per_sd * fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - log_outlier);
@@ -143,7 +143,7 @@ void SurfacePoint::evaluate_faces(const Placement& at, Components& out) const {
                                   : tilt_density(axes, flat_bend, n, C, at.m, normal_variance, c);
         }
         if (!(weight >= at.negligible) && !inside) return;
-        double ku = 0, kv = 0;  // how the place in the plane follows the distance
+        double ku = 0, kv = 0;  // regression of the position in the plane on the distance
         Whitening W{per_sd, 0, per_sd, widest, true};
         if (!isotropic || plane.round) {
             const double Cu = dot(flat.u, Cn), Cv = dot(flat.v, Cn);
@@ -179,15 +179,15 @@ void SurfacePoint::evaluate_faces(const Placement& at, Components& out) const {
     if (kept_off) keep_outside(at, first, out);
 }
 
-// Flats that are small beside the noise as one normal density: with their own spread it has the same first moments, so
-// that it is off by the fourth power of their size. False where that is too much, or where their normals differ too much.
+// Adds flats that are small relative to the noise as one normal density. With the spread of the flats it has the same first
+// moments, so that its error is of fourth order in their size. Returns false if that or the spread of normals is too large.
 bool SurfacePoint::add_facet_cluster(const Placement& at, const Vec3& d, double reach, double sd, size_t first,
                                      const Place& place, Components& out) const {
     const double length = norm(place.normal), bent = 1 - length, size = place.size / sd;
-    const bool turns = radius > 0 || sided;  // it matters where they look
+    const bool turns = radius > 0 || sided;  // their normals matter
     if (place.face < 0 || (turns ? bent > BENT : !(length > 0))) return false;
     const Vec3 n = (1 / length) * place.normal;
-    const double turn = std::sqrt(2 * std::max(bent, 0.0));  // of the normals, roughly [rad]
+    const double turn = std::sqrt(2 * std::max(bent, 0.0));  // approximate spread of the normals [rad]
     if (turns && (radius * turn > place.size || (sided && std::fabs(dot(n, d)) < 2 * turn))) return false;
     Mat3 S = at.C;
     for (int i = 0; i < 9; ++i) S.m[i] += place.spread.m[i];
@@ -214,7 +214,7 @@ bool SurfacePoint::add_facet_cluster(const Placement& at, const Vec3& d, double 
     c.normal = n;
     c.element = place.face;
     const double r = c.distance * c.per_sd;
-    c.slope = (r * c.per_sd) * n - load(pull);  // what is not along the normal
+    c.slope = (r * c.per_sd) * n - load(pull);  // the part that is not along the normal
     c.spread = q - r * r - 2;
     for (int k = 0; k < 3; ++k) {
         double column[3] = {0, 0, 0};
@@ -227,8 +227,8 @@ bool SurfacePoint::add_facet_cluster(const Placement& at, const Vec3& d, double 
     return true;
 }
 
-// A ball that touches one element must not be inside of another face in front of it: the mass of the noise along the
-// first that leaves it outside, and where it is near the other face at all.
+// A ball that touches one element must not overlap another face in front of it: multiplies by the mass of the noise along
+// the element that keeps the ball outside the other face.
 void SurfacePoint::keep_outside(const Placement& at, size_t first, Components& out) const {
     const double apart = 1e-9 * at.shape.diagonal;
     for (size_t k = first; k < out.size(); ++k) {
@@ -252,8 +252,8 @@ void SurfacePoint::keep_outside(const Placement& at, size_t first, Components& o
     }
 }
 
-// A ball that touches an edge or a vertex: its centre is one radius away along n, which turns along across[i] by
-// bend[i]; mass and slope are of the noise that falls where nothing else is nearer.
+// Adds the contact of a ball with an edge or a vertex: its centre is one radius away along n, which turns along across[i] by
+// bend[i]. Mass and slope are those of the noise in the region where no other element is nearer.
 void SurfacePoint::add_sharp(const Ball& ball, const BallContact& contact, const Vec3 across[2], const double bend[2],
                              const Vec3& slope, Components& out) const {
     const Placement& at = ball.at;

@@ -1,4 +1,4 @@
-// A sensed point of the surface, or the centre of a ball that touches it, with what else the device knew.
+// A sensed point of the surface, or the centre of a ball that touches it, with normal and direction if they were sensed.
 #pragma once
 #include "factors/on_surface.hpp"
 
@@ -6,7 +6,7 @@ namespace tanteo {
 
 // p(x | pose) = integral over the surface of N(x; y + radius n(y), C) w(n(y)) dA(y): over each flat piece a normal density
 // of the distance from its plane, times the mass of the noise in that plane that falls inside the piece's outline
-// (truncated normal), times the density of the sensed normal. w is 1 / area for points even over the surface, or the
+// (truncated normal), times the density of the sensed normal. w is 1 / area for points uniform over the surface, or the
 // cosine of incidence for a beam of known direction. docs/math.md, section 15.
 class SurfacePoint final : public OnSurface {
   public:

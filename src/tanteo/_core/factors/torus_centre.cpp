@@ -1,5 +1,5 @@
 // The centre of a torus: normal about the centre of a toroidal face (a ring, a groove for a seal, a rounded rim), with its
-// axis of either sign and its two radii where they were sensed. round_centre.hpp has the formula.
+// axis of either sign and its two radii if they were sensed. round_centre.hpp has the formula.
 #include "factors/round_centre.hpp"
 
 namespace tanteo {

@@ -1,16 +1,16 @@
-// The mass of a normal density in a plane that falls inside an outline, and how that changes with its mean.
+// Mass of a normal density in a plane inside an outline, and its derivatives by the mean.
 #pragma once
 #include "normal.hpp"
 #include "shape/shape.hpp"
 
 namespace tanteo {
 
-constexpr double OUTLINE_REACH = 5;  // standard deviations beyond which an outline does not matter
+constexpr double OUTLINE_REACH = 5;  // standard deviations beyond which an edge of an outline has no effect
 
 struct Whitening {  // of the noise in a plane: W (x - mean) has unit covariance
     double a, b, c;  // lower triangle
     double widest;
-    bool even;  // the same in all directions
+    bool even;  // equal in all directions
 };
 
 inline Whitening whitening_of(double xx, double xy, double yy) {
@@ -19,19 +19,19 @@ inline Whitening whitening_of(double xx, double xy, double yy) {
     return {1 / l, -m / (l * k), 1 / k, std::sqrt(0.5 * (xx + yy) + std::hypot(0.5 * (xx - yy), xy)), false};
 }
 
-struct TruncatedMass {  // its gradient and minus its second derivative by the whitened mean
+struct TruncatedMass {  // with gradient and minus second derivative by the whitened mean
     double value = 0, gx = 0, gy = 0, xx = 0, xy = 0, yy = 0;
 };
 
-// The winding number about the mean (x, y), less what lies beyond each edge and within the angle that it takes up: for
-// an edge at the distance h, with its ends at t1 and t2 along its line, T(h, t2 / h) - T(h, t1 / h) (Owen 1956). The
-// gradient is the integral of the density along the outline, by its inward normal.
+// The winding number about the mean (x, y), minus the mass beyond each edge within the angle that the edge subtends: for an
+// edge at the distance h, with its ends at t1 and t2 along its line, T(h, t2 / h) - T(h, t1 / h) (Owen 1956). The gradient
+// is the integral of the density times the inward normal along the outline.
 inline TruncatedMass mass_inside(const Shape& shape, const Flat& flat, double x, double y, const Whitening& W, bool with_slope) {
     TruncatedMass mass;
     const double reach = OUTLINE_REACH * W.widest;
     const bool near_x = x >= flat.lo[0] - reach && x <= flat.hi[0] + reach;
     const bool near_y = y >= flat.lo[1] - reach && y <= flat.hi[1] + reach;
-    if (!near_x || !near_y) return mass;  // nan is not near either
+    if (!near_x || !near_y) return mass;  // also if nan
     double beyond = 0;
     int winding = 0;
     const int* starts = shape.bin_start.data() + flat.first_bin;
@@ -43,10 +43,10 @@ inline TruncatedMass mass_inside(const Shape& shape, const Flat& flat, double x,
     for (int k = begin; k <= end; ++k)
         for (int i = starts[k]; i < starts[k + 1]; ++i) {
             const OutlineEdge& e = outline[shape.bin_edges[i]];
-            if (k != std::max(e.first_bin, begin)) continue;  // seen in an earlier bin
+            if (k != std::max(e.first_bin, begin)) continue;  // done in an earlier bin
             const double rx = e.x - x, ry = e.y - y, y1 = ry + e.dy * e.length;
-            const double left = rx * e.dy - ry * e.dx;  // of the point from the edge, where it is inside
-            // a point right on an edge is taken a little to the right of it, and above: inside for one of two flats
+            const double left = rx * e.dy - ry * e.dx;  // signed distance of the edge, positive if the point is inside
+            // a point exactly on an edge counts as slightly right of it and above: inside one of two adjacent flats
             const bool inside = left != 0 ? left > 0 : e.dy < 0 || (e.dy == 0 && e.dx > 0);
             if ((ry <= 0) != (y1 <= 0))  // crosses the line through the point to the right of it
                 winding += y1 > 0 ? inside : -!inside;
@@ -84,7 +84,7 @@ inline TruncatedMass mass_inside(const Shape& shape, const Flat& flat, double x,
     return mass;
 }
 
-// Replaces the derivatives of a mass by those of its log: gradient and minus the second derivative.
+// Replaces the derivatives of a mass by those of its log.
 inline void as_log(TruncatedMass& s) {
     const double inverse = 1 / s.value;
     s.gx *= inverse;

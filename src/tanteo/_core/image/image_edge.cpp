@@ -10,11 +10,11 @@ namespace tanteo {
 
 namespace {
 
-struct Bent {  // what a lens makes of a ray with z = 1, with the terms that its derivative needs
+struct Distorted {  // image of a ray with z = 1 by a lens, with the terms of its derivative
     double x, y, r2, radial, u, v;
 };
 
-Bent bent(const Lens& lens, double x, double y) {
+Distorted distorted(const Lens& lens, double x, double y) {
     const double *k = lens.k, r2 = x * x + y * y;
     const double up = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4])), down = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
     const double radial = up / down;
@@ -22,14 +22,14 @@ Bent bent(const Lens& lens, double x, double y) {
             y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y};
 }
 
-struct Seen {  // a point of the camera's frame as a pixel, and its derivative by the point
+struct Projected {  // pixel of a point in the camera frame, and its derivative by the point
     double x, y;
     Vec3 dx, dy;
 };
 
-Seen seen(const Lens& lens, const Vec3& p) {
+Projected projected(const Lens& lens, const Vec3& p) {
     const double per = 1 / p.z, *k = lens.k, p1 = k[2], p2 = k[3];
-    const auto [x, y, r2, radial, u, v] = bent(lens, p.x / p.z, p.y / p.z);
+    const auto [x, y, r2, radial, u, v] = distorted(lens, p.x / p.z, p.y / p.z);
     const double down = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])), d_down = k[5] + r2 * (2 * k[6] + 3 * r2 * k[7]);
     const double d_up = k[0] + r2 * (2 * k[1] + 3 * r2 * k[4]), slope = (d_up - radial * d_down) / down;
     const double across = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y;
@@ -40,14 +40,14 @@ Seen seen(const Lens& lens, const Vec3& p) {
             b * Vec3{across, vy, -across * x - vy * y}};
 }
 
-int64_t nearest_whole(double above) { return static_cast<int64_t>(above + 0.5); }  // of what is above -0.5
+int64_t nearest_whole(double above) { return static_cast<int64_t>(above + 0.5); }  // for values above -0.5
 
 }  // namespace
 
 Pixel project(const Lens& lens, const Vec3& p) {
     const double none = std::numeric_limits<double>::quiet_NaN();
     if (!(p.z > 0)) return {none, none};
-    const Bent b = bent(lens, p.x / p.z, p.y / p.z);
+    const Distorted b = distorted(lens, p.x / p.z, p.y / p.z);
     return {lens.fx * b.u + lens.cx, lens.fy * b.v + lens.cy};
 }
 
@@ -65,57 +65,57 @@ int64_t Channels::of(double nx, double ny) const {
     return static_cast<int64_t>(passed == borders.size() ? 0 : passed);
 }
 
-EdgeMet meet_edge(const Lens& lens, const EdgePoints& points, const EdgeSample& sample, const Pose& pose, bool shown,
-                  double diagonal, double reach) {
-    EdgeMet met;
+EdgeMatch match_edge(const Lens& lens, const EdgePoints& points, const EdgeSample& sample, const Pose& pose, bool shown,
+                     double diagonal, double reach) {
+    EdgeMatch match;
     const Vec3 p = pose.R * sample.at + pose.t;
     if (!(p.z > 0)) {
-        met.x = met.y = std::numeric_limits<double>::quiet_NaN();
-        return met;
+        match.x = match.y = std::numeric_limits<double>::quiet_NaN();
+        return match;
     }
-    const Seen at = seen(lens, p);
-    const Vec3 jx = transposed_times(pose.R, at.dx), jy = transposed_times(pose.R, at.dy);  // by the point of the part
+    const Projected at = projected(lens, p);
+    const Vec3 jx = transposed_times(pose.R, at.dx), jy = transposed_times(pose.R, at.dy);  // derivatives by the point in the part frame
     const double tx = dot(jx, sample.along), ty = dot(jy, sample.along), scale = std::sqrt(tx * tx + ty * ty);
     const double safe = scale > 0 ? scale : 1;
-    met.x = at.x;
-    met.y = at.y;
-    met.nx = -ty / safe;
-    met.ny = tx / safe;
-    const Vec3 by = met.nx * jx + met.ny * jy, turn = cross(sample.at, by);
-    store(by, met.slope);
-    store(turn, met.slope + 3);
-    met.inside = shown && scale * diagonal > 1 && at.x > -0.5 && at.y > -0.5 && at.x < points.columns - 0.5 &&
+    match.x = at.x;
+    match.y = at.y;
+    match.nx = -ty / safe;
+    match.ny = tx / safe;
+    const Vec3 by = match.nx * jx + match.ny * jy, turn = cross(sample.at, by);
+    store(by, match.slope);
+    store(turn, match.slope + 3);
+    match.inside = shown && scale * diagonal > 1 && at.x > -0.5 && at.y > -0.5 && at.x < points.columns - 0.5 &&
                  at.y < points.rows - 0.5;
-    if (!met.inside) return met;
-    met.span = scale * sample.length;
-    const int64_t channel = points.channels.of(met.nx, met.ny);
+    if (!match.inside) return match;
+    match.span = scale * sample.length;
+    const int64_t channel = points.channels.of(match.nx, match.ny);
     const int32_t which =
         points.nearest[(channel * points.rows + nearest_whole(at.y)) * points.columns + nearest_whole(at.x)];
-    if (which < 0 || which >= points.count) return met;
+    if (which < 0 || which >= points.count) return match;
     const double gx = points.pixels[2 * which] - at.x, gy = points.pixels[2 * which + 1] - at.y;
-    const double off = gx * met.nx + gy * met.ny, aside = std::fabs(gx * met.ny - gy * met.nx);
-    if (!(std::fabs(off) < reach) || !(aside < std::max(2.0, 0.5 * reach))) return met;
-    met.offset = off;
-    met.sd = points.sds[which];
-    met.point = which;
-    return met;
+    const double off = gx * match.nx + gy * match.ny, along = std::fabs(gx * match.ny - gy * match.nx);
+    if (!(std::fabs(off) < reach) || !(along < std::max(2.0, 0.5 * reach))) return match;
+    match.offset = off;
+    match.sd = points.sds[which];
+    match.point = which;
+    return match;
 }
 
-std::vector<char> foremost(const std::vector<EdgePlace>& met, double alike) {
-    std::vector<char> out(met.size(), 1);
-    for (size_t i = 0; i < met.size(); ++i)
-        for (size_t j = 0; j < met.size() && out[i]; ++j) {
-            const EdgePlace &a = met[i], &b = met[j];
+std::vector<char> foremost(const std::vector<EdgePlace>& all, double cosine) {
+    std::vector<char> out(all.size(), 1);
+    for (size_t i = 0; i < all.size(); ++i)
+        for (size_t j = 0; j < all.size() && out[i]; ++j) {
+            const EdgePlace &a = all[i], &b = all[j];
             if (a.group == b.group || !(a.off > b.off)) continue;
             const double x = a.x - b.x, y = a.y - b.y, width = std::max(a.width, b.width);
-            out[i] = !(x * x + y * y < width * width && std::fabs(a.nx * b.nx + a.ny * b.ny) > alike);
+            out[i] = !(x * x + y * y < width * width && std::fabs(a.nx * b.nx + a.ny * b.ny) > cosine);
         }
     return out;
 }
 
-std::vector<char> crowded(const std::vector<EdgePlace>& all, double gap, double alike) {
+std::vector<char> ambiguous_places(const std::vector<EdgePlace>& all, double gap, double cosine) {
     const auto near = [&](const EdgePlace& a, const EdgePlace& b) {
-        if (a.group == b.group && std::fabs(a.nx * b.nx + a.ny * b.ny) >= alike) return false;
+        if (a.group == b.group && std::fabs(a.nx * b.nx + a.ny * b.ny) >= cosine) return false;
         const double x = a.x - b.x, y = a.y - b.y, across = x * b.nx + y * b.ny;
         const double beyond = std::sqrt(std::max(x * x + y * y - across * across, 0.0)) - 0.5 * b.width;
         return across * across + (beyond > 0 ? beyond * beyond : 0.0) < gap * gap;

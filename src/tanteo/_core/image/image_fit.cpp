@@ -1,4 +1,4 @@
-// The pose at which a part's edges meet those of an image best.
+// Refinement of a pose so that a part's edges match those of an image.
 #include <cmath>
 #include <vector>
 
@@ -43,13 +43,13 @@ void twist(const Pose& from, const Pose& to, Vec3& v, Vec3& w) {  // log(from^-1
 
 Pose about(const Pose& T, const Vec3& middle) { return {T.R, T.R * middle + T.t}; }
 
-// One residual of an edge, under a redescending weight (Tukey 1960); shifts are by a length, turns by a radian.
-void add_edge(NormalEquations<6>& at, const EdgeMet& met, double length, double reach, const EdgeErrors& errors) {
-    const double far = met.offset / (1.01 * reach), robust = (1 - far * far) * (1 - far * far);
-    const double blur = 0.25 * reach, sd2 = met.sd * met.sd + errors.bias * errors.bias + blur * blur;
+// Adds one residual of an edge with a redescending weight (Tukey 1960); shifts in units of a length, turns in radians.
+void add_edge(NormalEquations<6>& at, const EdgeMatch& match, double length, double reach, const EdgeErrors& errors) {
+    const double far = match.offset / (1.01 * reach), robust = (1 - far * far) * (1 - far * far);
+    const double blur = 0.25 * reach, sd2 = match.sd * match.sd + errors.bias * errors.bias + blur * blur;
     double J[6];
-    for (int i = 0; i < 6; ++i) J[i] = met.slope[i] * (i < 3 ? length : 1);
-    at.add(J, -met.offset, robust * met.span / errors.correlation / sd2);
+    for (int i = 0; i < 6; ++i) J[i] = match.slope[i] * (i < 3 ? length : 1);
+    at.add(J, -match.offset, robust * match.span / errors.correlation / sd2);
 }
 
 }  // namespace
@@ -58,29 +58,29 @@ Pose refined(const EdgeFrame& frame, const Lens& lens, const EdgePoints& points,
              const double* prior, const std::vector<Round>& rounds, const EdgeErrors& errors) {
     const size_t N = frame.size();
     const double length = frame.diagonal;
-    const Pose held = about(start, frame.middle);
+    const Pose prior_mean = about(start, frame.middle);
     Pose T = about(pose, frame.middle);
     std::vector<char> shown(N), rims(N);
     const auto equations = [&](int k) {
         const Round& round = rounds[k];
-        if (round.asked) frame.see({T.R, T.t - T.R * frame.middle}, true, shown.data(), rims.data());
+        if (round.visibility) frame.mark({T.R, T.t - T.R * frame.middle}, true, shown.data(), rims.data());
         NormalEquations<6> at;
         for (size_t s = 0; s < N; ++s) {
             if (!shown[s]) continue;
             EdgeSample sample = frame.samples[s];
             sample.at = sample.at - frame.middle;
-            const EdgeMet met = meet_edge(lens, points, sample, T, true, frame.diagonal, round.reach);
-            if (met.point >= 0) add_edge(at, met, length, round.reach, errors);
+            const EdgeMatch match = match_edge(lens, points, sample, T, true, frame.diagonal, round.reach);
+            if (match.point >= 0) add_edge(at, match, length, round.reach, errors);
         }
         Vec3 v, w;
-        twist(held, T, v, w);
+        twist(prior_mean, T, v, w);
         const double off[6] = {v.x / length, v.y / length, v.z / length, w.x, w.y, w.z};
         for (int i = 0; i < 6; ++i)
             for (int j = 0; j < 6; ++j) {
                 at.information[6 * i + j] += prior[6 * i + j];
                 at.gradient[i] -= prior[6 * i + j] * off[j];
             }
-        double trace = 0;  // directions that nothing resists stay where they are
+        double trace = 0;  // keeps unconstrained directions fixed
         for (int i = 0; i < 6; ++i) trace += at.information[7 * i];
         for (int i = 0; i < 6; ++i) at.information[7 * i] += 1e-6 * trace + 1e-9;
         return at;

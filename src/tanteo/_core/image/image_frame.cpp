@@ -27,28 +27,28 @@ EdgeFrame::EdgeFrame(std::vector<EdgeSample> samples, const std::vector<Vec3>& n
     tree.build(boxes_of(corners));
 }
 
-bool EdgeFrame::crosses(int triangle, const Vec3& from, const Vec3& way, double reach) const {
+bool EdgeFrame::crosses(int triangle, const Vec3& from, const Vec3& ray, double reach) const {
     const auto& [a, e1, e2] = triangles[triangle];  // Moeller and Trumbore 1997
-    const Vec3 h = cross(way, e2), s = from - a, q = cross(s, e1);
+    const Vec3 h = cross(ray, e2), s = from - a, q = cross(s, e1);
     const double det = dot(e1, h), sign = det < 0 ? -1 : 1, size = sign * det, edge = 1e-9 * size;
-    const double u = sign * dot(s, h), v = sign * dot(way, q), along = sign * dot(e2, q);
+    const double u = sign * dot(s, h), v = sign * dot(ray, q), along = sign * dot(e2, q);
     return size > 1e-300 && u >= -edge && v >= -edge && u + v <= size + edge && along > 0 && along < reach * size;
 }
 
 bool EdgeFrame::hides(const Vec3& eye, const Vec3& target, int& by) const {
-    const Vec3 way = target - eye;
-    const double reach = 1 - slack / norm(way);
-    // what hides one sample mostly hides the next
-    if (by >= 0 && crosses(by, eye, way, reach)) return true;
+    const Vec3 ray = target - eye;
+    const double reach = 1 - slack / norm(ray);
+    // the triangle that hides one sample often hides the next
+    if (by >= 0 && crosses(by, eye, ray, reach)) return true;
     by = -1;
-    tree.cast(eye, way, reach, [&](int t, double nearest) {
-        if (nearest > 0 && crosses(t, eye, way, reach)) by = t;
+    tree.cast(eye, ray, reach, [&](int t, double nearest) {
+        if (nearest > 0 && crosses(t, eye, ray, reach)) by = t;
         return by < 0 ? 1e300 : -1.0;  // one is enough
     });
     return by >= 0;
 }
 
-void EdgeFrame::see(const Vec3& eye, bool hidden, char* shown, char* rims) const {
+void EdgeFrame::mark(const Vec3& eye, bool hidden, char* shown, char* rims) const {
     int by = -1;
     for (size_t k = 0; k < size(); ++k) {
         const Side &one = sides[2 * k], &other = sides[2 * k + 1];

@@ -1,4 +1,4 @@
-// The edges of a part as samples, which of them an eye sees, and the pose at which they meet an image's best.
+// The edges of a part as samples, their visibility from a camera, and refinement of the pose on the edges of an image.
 #pragma once
 #include <vector>
 
@@ -9,17 +9,17 @@ namespace tanteo {
 
 class EdgeFrame {
   public:
-    // normals: two for each sample, of the faces that meet there; corners: three for each triangle of the surface;
-    // slack: how far a sample is lifted off the surface when it is asked whether it is hidden [m]
+    // normals: two for each sample, those of its adjacent faces; corners: three for each triangle of the surface;
+    // slack: distance by which a sample is lifted off the surface for the visibility test [m]
     EdgeFrame(std::vector<EdgeSample> samples, const std::vector<Vec3>& normals, std::vector<char> sharp,
               const std::vector<Vec3>& corners, double diagonal, const Vec3& middle, double slack);
 
     size_t size() const { return samples.size(); }
-    // Which samples make edges in an image taken at a pose, and at which of them the part ends; hidden: whether what
-    // the part itself hides is left out.
-    void see(const Pose& pose, bool hidden, char* shown, char* rims) const { see(into_part(pose, {}), hidden, shown, rims); }
-    // The same from where the eye is in the part's frame.
-    void see(const Vec3& eye, bool hidden, char* shown, char* rims) const;
+    // Marks whether each sample is a visible edge at a pose in the camera frame, and whether it is on the outline (rim);
+    // hidden: whether to exclude samples that the part itself hides.
+    void mark(const Pose& T, bool hidden, char* shown, char* rims) const { mark(into_part(T, {}), hidden, shown, rims); }
+    // The same for a camera centre in the part frame.
+    void mark(const Vec3& eye, bool hidden, char* shown, char* rims) const;
 
     std::vector<EdgeSample> samples;
     double diagonal;
@@ -33,7 +33,7 @@ class EdgeFrame {
     struct Triangle {
         Vec3 a, e1, e2;
     };
-    bool crosses(int triangle, const Vec3& from, const Vec3& way, double reach) const;
+    bool crosses(int triangle, const Vec3& from, const Vec3& ray, double reach) const;
     bool hides(const Vec3& eye, const Vec3& target, int& by) const;
 
     std::vector<Side> sides;  // two for each sample
@@ -45,16 +45,16 @@ class EdgeFrame {
 };
 
 struct Round {  // of a refinement
-    double reach;  // how far edge points may be [px]
-    bool asked;    // whether it is asked anew what is hidden
+    double reach;     // largest distance of a matched edge point [px]
+    bool visibility;  // whether to compute the visibility of samples again
 };
 
 struct EdgeErrors {
-    double bias, correlation;  // of whole edges, and the length over which noise is one draw [px]
+    double bias, correlation;  // error common to an edge, and correlation length of the noise [px]
 };
 
-// Robust Gauss-Newton on the offsets from a pose. The prior is information (6 x 6, lower triangle) about the first
-// pose: on shifts by the part's diagonal and turns by a radian, about its middle.
+// Robust Gauss-Newton refinement of a pose on the offsets of edges. The prior has its mean at `start` and an information
+// (6 x 6, lower triangle) on shifts in units of the part's diagonal and turns [rad] about its middle.
 Pose refined(const EdgeFrame& frame, const Lens& lens, const EdgePoints& points, const Pose& pose, const Pose& start,
              const double* prior, const std::vector<Round>& rounds, const EdgeErrors& errors);
 

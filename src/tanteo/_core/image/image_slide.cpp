@@ -7,14 +7,14 @@ namespace tanteo {
 
 namespace {
 
-constexpr size_t LOOKED_AT = 40;  // places for each pose that is kept, of which neighbours are left out
+constexpr size_t EVALUATED = 40;  // positions for each kept pose; adjacent ones are then removed
 
 struct Drawing {
-    std::vector<int64_t> drawn, inner;  // cells of the tables, counted from the cell of the place
+    std::vector<int64_t> drawn, inner;  // cells of the tables, relative to the cell of the position
 };
 
-// Where a pixel that is so far from a place stands in the tables, counted from the cell of the place. What is farther
-// than the margin, or not in front of the camera, is at the end of it.
+// Cell of a pixel in the tables, relative to the cell of the centre. Pixels beyond the margin, or not in front of the
+// camera, are at the end of the margin.
 int64_t cell_of(const SlideTables& t, const Pixel& pixel, const Pixel& centre, int64_t channel) {
     const auto along = [&](double off) {
         const double cells = off / t.cell + t.margin;
@@ -28,7 +28,7 @@ Drawing draw(const EdgeFrame& frame, const Lens& lens, const Pose& pose, const V
     const auto at = [&](const Vec3& p) { return project(lens, pose.R * p + pose.t); };
     const size_t N = frame.size();
     std::vector<char> shown(N), rims(N);
-    frame.see(pose, true, shown.data(), rims.data());
+    frame.mark(pose, true, shown.data(), rims.data());
     std::vector<Pixel> pixels(N), along(N);
     std::vector<double> upto(N);
     double total = 0;
@@ -52,13 +52,13 @@ Drawing draw(const EdgeFrame& frame, const Lens& lens, const Pose& pose, const V
     return out;
 }
 
-// Sum of a table under offsets from a cell, or more than a limit if it is more.
+// Sum of a table at offsets from a cell; stops beyond a limit.
 template <class Sum, class T>
 double sum_under(const T* from, const std::vector<int64_t>& offsets, double limit) {
     const auto at = [&](size_t k) { return static_cast<Sum>(from[offsets[k]]); };
     Sum sum = 0;
     size_t k = 0;
-    for (; k + 8 <= offsets.size() && sum <= limit; k += 8)  // eight that do not wait for each other
+    for (; k + 8 <= offsets.size() && sum <= limit; k += 8)  // eight independent loads
         sum += ((at(k) + at(k + 1)) + (at(k + 2) + at(k + 3))) + ((at(k + 4) + at(k + 5)) + (at(k + 6) + at(k + 7)));
     for (; k < offsets.size() && sum <= limit; ++k) sum += at(k);
     return sum;
@@ -68,7 +68,7 @@ bool cheaper(const Slid& a, const Slid& b) {
     return a.cost != b.cost ? a.cost < b.cost : (a.yaw != b.yaw ? a.yaw < b.yaw : a.place < b.place);
 }
 
-// The cheapest of all that were added.
+// The cheapest of all added items.
 class Cheapest {
   public:
     explicit Cheapest(size_t keep) : keep(keep) {}
@@ -121,13 +121,13 @@ std::vector<Slid> slid(const EdgeFrame& frame, const Lens& lens, const std::vect
                        const SlideRules& rules) {
     std::vector<int64_t> from;
     for (const Pixel& p : places) from.push_back(tables.cell_of(p));
-    Cheapest cheapest(LOOKED_AT * rules.keep);
+    Cheapest cheapest(EVALUATED * rules.keep);
     for (size_t yaw = 0; yaw < yaws.size(); ++yaw) {
         const Drawing drawing = draw(frame, lens, yaws[yaw], centre, inner, tables, rules.samples);
-        const double drawn = std::max<size_t>(drawing.drawn.size(), 1), asked = std::max<size_t>(inner.size(), 1);
+        const double drawn = std::max<size_t>(drawing.drawn.size(), 1), tested = std::max<size_t>(inner.size(), 1);
         for (size_t place = 0; place < places.size(); ++place) {
             const double limit = cheapest.limit() * (1 + 1e-9), most = std::min(rules.most, limit / rules.penalty);
-            const double share = sum_under<int>(tables.bare + from[place], drawing.inner, most * asked) / asked;
+            const double share = sum_under<int>(tables.bare + from[place], drawing.inner, most * tested) / tested;
             if (!(share < most)) continue;
             const double left = (limit - rules.penalty * share) * drawn;
             const double far = sum_under<double>(tables.distances + from[place], drawing.drawn, left) / drawn;

@@ -1,7 +1,7 @@
-// The outline of the part's hull is computed at every yaw where the camera sees it, and compared direction by direction.
+// The outline of the part's hull is projected into the camera at every yaw, and compared direction by direction.
 //
-// A shadow belongs to what was seen: it lies on the side away from the light, which nobody knows. So half of the
-// directions, any half, have to agree, and in the others the part may not reach farther than what was seen.
+// The observed outline may include a shadow on the side away from the light, whose direction is unknown. So the directions
+// of one half, any half, have to agree; in the others the part may not extend beyond the observed outline.
 #include "image/outlines.hpp"
 
 #include <algorithm>
@@ -14,14 +14,14 @@ namespace tanteo {
 namespace {
 
 constexpr double PI = 3.14159265358979323846;
-constexpr int K = AROUND;
-constexpr int LIT = 9;              // directions at least this many steps from that of the shadow have none of it
-constexpr int COARSE = 4;           // every so many directions of a shadow are tried first
-constexpr int REFINED = 3, OF_TALL = 12, ROUNDS = 5;  // yaws that are refined, and steps of each
-constexpr double TALL = 0.15;       // share of the camera's height from which it matters much where a part is
-constexpr double LEANING = 0.05;    // how much farther around a part may seem to go where it is not, in its heights
-constexpr double FARTHEST = 0.15;   // a yaw is refined by no more than this: the next one is PI / 16 away
-constexpr double HIGHEST = 0.9;     // share of the camera's height that a part may have
+constexpr int K = DIRECTIONS;
+constexpr int LIT = 9;              // directions at least this many steps from that of the shadow are free of it
+constexpr int COARSE = 4;           // step of the directions of a shadow that are tried first
+constexpr int REFINED = 3, OF_TALL = 12, ROUNDS = 5;  // number of refined yaws, of those for tall parts, and of steps of each
+constexpr double TALL = 0.15;       // height over that of the camera from which the perspective depends much on the position
+constexpr double LEANING = 0.05;    // change of the mean extent by an error of position, over the height of the part
+constexpr double FARTHEST = 0.15;   // largest change of a yaw by refinement [rad]; the next yaw is PI / 16 away
+constexpr double HIGHEST = 0.9;     // largest height of a part over that of the camera
 
 struct Circle {  // cosines and sines of the directions
     double c[K], s[K], cc = 0, ss = 0, dark_cc = 0;
@@ -44,16 +44,16 @@ const Circle& circle() {
     return known;
 }
 
-struct Lying {  // a part on the table, about the middle of its box
+struct OnTable {  // a part on the table, about the middle of its box
     std::vector<double> x, y, scale;
     double height = 0;
-    Vec3 e, f, up, middle;     // axes of the table in the part's frame before any yaw, and what is at their origin
-    double place[2] = {0, 0};  // where that has to be for half its height to be seen in the middle, from the eye
+    Vec3 e, f, up, middle;     // axes of the table in the part frame at zero yaw, and the point at their origin
+    double place[2] = {0, 0};  // position, from below the camera, that projects half the height to the observed middle
 };
 
-Lying lying(const std::vector<Vec3>& points, const Vec3& down, const OutlineSeen& seen) {
+OnTable on_table(const std::vector<Vec3>& points, const Vec3& down, const ObservedOutline& observed) {
     const Vec3 up = -(1 / norm(down)) * down, e = any_across(up), f = cross(up, e);
-    Lying out;
+    OnTable out;
     out.e = e, out.f = f, out.up = up;
     double low = 1e300, high = -1e300, box[4] = {1e300, -1e300, 1e300, -1e300};
     for (const Vec3& p : points) {
@@ -73,14 +73,14 @@ Lying lying(const std::vector<Vec3>& points, const Vec3& down, const OutlineSeen
     for (size_t v = 0; v < points.size(); ++v) {
         out.x[v] -= out.middle.x;
         out.y[v] -= out.middle.y;
-        out.scale[v] = seen.eye.z / (seen.eye.z - (out.scale[v] - low));
+        out.scale[v] = observed.eye.z / (observed.eye.z - (out.scale[v] - low));
     }
-    const double nearer = 1 - 0.5 * out.height / seen.eye.z;
-    for (int i = 0; i < 2; ++i) out.place[i] = nearer * (seen.middle[i] - seen.eye[i]);
+    const double nearer = 1 - 0.5 * out.height / observed.eye.z;
+    for (int i = 0; i < 2; ++i) out.place[i] = nearer * (observed.middle[i] - observed.eye[i]);
     return out;
 }
 
-// What remains of values in each direction, from that of the shadow on, when the place that fits best is taken off.
+// Residuals of values in each direction, counted from that of the shadow, after the best position.
 void placed(const double* values, int w, double* out) {
     const Circle& u = circle();
     double along = 0, across = 0;
@@ -94,9 +94,9 @@ void placed(const double* values, int w, double* out) {
     for (int a = 0; a < K; ++a) out[a] -= along * u.c[a] + across * u.s[a];
 }
 
-// Squares of what is seen beyond the part, with the shadow at direction w and the place that fits best; and with the
-// best yaw nearby, where it is known how that changes what is seen.
-double cost_of(const double* beyond, const double* change, int w, double height, const OutlineSeen& seen) {
+// Sum of squares of the observed extent beyond the part, with the shadow at direction w and the best position; and with the
+// best yaw nearby if the derivative by the yaw is given.
+double cost_of(const double* beyond, const double* change, int w, double height, const ObservedOutline& observed) {
     const Circle& u = circle();
     double off[K], turned[K];
     placed(beyond, w, off);
@@ -116,8 +116,8 @@ double cost_of(const double* beyond, const double* change, int w, double height,
         if (lit || off[a] < 0) sum += off[a] * off[a];
         else shadow += off[a] * std::max(u.c[a], 0.0);
     }
-    const double longer = shadow / (u.dark_cc * (height + seen.sd) * seen.shadow);
-    return sum / (seen.sd * seen.sd) + longer * longer;
+    const double longer = shadow / (u.dark_cc * (height + observed.sd) * observed.shadow);
+    return sum / (observed.sd * observed.sd) + longer * longer;
 }
 
 struct Start {
@@ -125,14 +125,14 @@ struct Start {
     int yaw = 0, shadow = 0;
 };
 
-// What is seen beyond the part at each yaw, about where it has to be ``(K, K)``.
-std::vector<double> beyond_of(const Lying& part, const OutlineSeen& seen) {
+// Observed extent beyond the part at each yaw, near the expected position (K, K).
+std::vector<double> beyond_of(const OnTable& part, const ObservedOutline& observed) {
     const Circle& u = circle();
     const size_t n = part.x.size();
-    std::vector<double> around(n * 2 * K), moved(n * K);  // of each point, twice around, and what its place adds
+    std::vector<double> extent(n * 2 * K), moved(n * K);  // extent of each point, over two turns, and that of its position
     for (size_t v = 0; v < n; ++v)
         for (int k = 0; k < K; ++k) {
-            around[v * 2 * K + k] = around[v * 2 * K + K + k] = part.scale[v] * (part.x[v] * u.c[k] + part.y[v] * u.s[k]);
+            extent[v * 2 * K + k] = extent[v * 2 * K + K + k] = part.scale[v] * (part.x[v] * u.c[k] + part.y[v] * u.s[k]);
             moved[v * K + k] = part.scale[v] * (part.place[0] * u.c[k] + part.place[1] * u.s[k]);
         }
     std::vector<double> out(K * K);
@@ -140,47 +140,47 @@ std::vector<double> beyond_of(const Lying& part, const OutlineSeen& seen) {
         double reach[K];
         std::fill(reach, reach + K, -1e300);
         for (size_t v = 0; v < n; ++v) {
-            const double *a = &around[v * 2 * K + K - j], *b = &moved[v * K];
+            const double *a = &extent[v * 2 * K + K - j], *b = &moved[v * K];
             for (int k = 0; k < K; ++k) reach[k] = std::max(reach[k], a[k] + b[k]);
         }
-        for (int k = 0; k < K; ++k) out[j * K + k] = seen.from_eye(k) - reach[k];
+        for (int k = 0; k < K; ++k) out[j * K + k] = observed.from_eye(k) - reach[k];
     }
     return out;
 }
 
 // The most promising yaws.
-std::vector<Start> starts(const Lying& part, const OutlineSeen& seen) {
-    const std::vector<double> beyond = beyond_of(part, seen);
+std::vector<Start> starts(const OnTable& part, const ObservedOutline& observed) {
+    const std::vector<double> beyond = beyond_of(part, observed);
     std::vector<Start> out;
     for (int j = 0; j < K; ++j) {
         const double *now = &beyond[j * K], *before = &beyond[(j + K - 1) % K * K], *after = &beyond[(j + 1) % K * K];
         double mean = 0, change[K];
         for (int k = 0; k < K; ++k) {
             mean += now[k] / K;
-            change[k] = (before[k] - after[k]) * K / (4 * PI);  // of the part's reach
+            change[k] = (before[k] - after[k]) * K / (4 * PI);  // derivative of the part's extent by the yaw
         }
-        // wherever it is, a part that goes farther around costs as much; where it is tall, that depends on where it is
+        // a part with a larger mean extent has this cost at any position; for a tall part it depends on the position
         const double farther = -mean - LEANING * part.height;
-        if (farther > 0 && K * farther * farther > 4 * seen.most * seen.sd * seen.sd) continue;
+        if (farther > 0 && K * farther * farther > 4 * observed.most * observed.sd * observed.sd) continue;
         Start best;
         best.yaw = j;
         for (int w = 0; w < K; w += COARSE) {
-            const double cost = cost_of(now, change, w, part.height, seen);
+            const double cost = cost_of(now, change, w, part.height, observed);
             if (cost < best.cost) best.cost = cost, best.shadow = w;
         }
         out.push_back(best);
     }
-    const size_t kept = std::min<size_t>(out.size(), part.height > TALL * seen.eye.z ? OF_TALL : REFINED);
+    const size_t kept = std::min<size_t>(out.size(), part.height > TALL * observed.eye.z ? OF_TALL : REFINED);
     std::partial_sort(out.begin(), out.begin() + kept, out.end(), [](const Start& a, const Start& b) { return a.cost < b.cost; });
     out.resize(kept);
     return out;
 }
 
-struct At {  // what is seen beyond the part at a place and yaw, and how that changes with both
+struct At {  // observed extent beyond the part at a position and yaw, and its derivatives by both
     double beyond[K], J[K][3];
 };
 
-At at(const Lying& part, const double place[2], double yaw, const OutlineSeen& seen) {
+At at(const OnTable& part, const double place[2], double yaw, const ObservedOutline& observed) {
     const Circle& u = circle();
     const double c = std::cos(yaw), s = std::sin(yaw);
     At out;
@@ -195,12 +195,12 @@ At at(const Lying& part, const double place[2], double yaw, const OutlineSeen& s
             out.J[k][1] = part.scale[v] * u.s[k];
             out.J[k][2] = part.scale[v] * (x * u.s[k] - y * u.c[k]);
         }
-        out.beyond[k] = seen.from_eye(k) - best;
+        out.beyond[k] = observed.from_eye(k) - best;
     }
     return out;
 }
 
-// The normal equations of place and yaw by the directions without shadow.
+// The normal equations of position and yaw by the directions without shadow.
 NormalEquations<3> equations(const At& now, int shadow) {
     NormalEquations<3> out;
     for (int a = LIT; a <= K - LIT; ++a) {
@@ -211,33 +211,33 @@ NormalEquations<3> equations(const At& now, int shadow) {
     return out;
 }
 
-// Where a part is, by the place of its middle from the eye and its yaw.
-Pose pose_of(const Lying& part, const double place[2], double yaw, const OutlineSeen& seen) {
+// Pose of a part from the position of its middle relative to the camera and its yaw.
+Pose pose_of(const OnTable& part, const double place[2], double yaw, const ObservedOutline& observed) {
     const double c = std::cos(yaw), s = std::sin(yaw);
     const Vec3 rows[3] = {c * part.e + (-s) * part.f, s * part.e + c * part.f, part.up};
     Pose out;
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) out.R.m[3 * i + j] = rows[i][j];
-    out.t = {place[0] + seen.eye.x - (c * part.middle.x - s * part.middle.y),
-             place[1] + seen.eye.y - (s * part.middle.x + c * part.middle.y), -part.middle.z};
+    out.t = {place[0] + observed.eye.x - (c * part.middle.x - s * part.middle.y),
+             place[1] + observed.eye.y - (s * part.middle.x + c * part.middle.y), -part.middle.z};
     return out;
 }
 
-OutlineFit refined(const Lying& part, const Start& start, const OutlineSeen& seen) {
+OutlineFit refined(const OnTable& part, const Start& start, const ObservedOutline& observed) {
     double place[2] = {part.place[0], part.place[1]}, yaw = 2 * PI * start.yaw / K;
     const double first = yaw;
     OutlineFit best;
     int shadow = start.shadow;
     const auto compare = [&] {
-        const At now = at(part, place, yaw, seen);
+        const At now = at(part, place, yaw, observed);
         double cost = 1e300;
         int nearest = shadow;
         for (int w = shadow - COARSE; w <= shadow + COARSE; ++w) {
-            const double own = cost_of(now.beyond, nullptr, (w + K) % K, part.height, seen);
+            const double own = cost_of(now.beyond, nullptr, (w + K) % K, part.height, observed);
             if (own < cost) cost = own, nearest = (w + K) % K;
         }
         shadow = nearest;
-        if (cost < best.cost) best.cost = cost, best.pose = pose_of(part, place, yaw, seen);
+        if (cost < best.cost) best.cost = cost, best.pose = pose_of(part, place, yaw, observed);
         return now;
     };
     At now = compare();
@@ -252,23 +252,23 @@ OutlineFit refined(const Lying& part, const Start& start, const OutlineSeen& see
 
 }  // namespace
 
-double OutlineSeen::from_eye(int k) const {
+double ObservedOutline::from_eye(int k) const {
     return reach[k] + (middle[0] - eye.x) * circle().c[k] + (middle[1] - eye.y) * circle().s[k];
 }
 
-OutlineFit fit_outline(const std::vector<Vec3>& points, const Vec3& down, const OutlineSeen& seen) {
+OutlineFit fit_outline(const std::vector<Vec3>& points, const Vec3& down, const ObservedOutline& observed) {
     OutlineFit best;
-    best.cost = seen.most;
+    best.cost = observed.most;
     if (points.empty() || !(squared(down) > 0)) return best;
     double low = 1e300, high = -1e300;
     for (const Vec3& p : points) {
         low = std::min(low, dot(down, p));
         high = std::max(high, dot(down, p));
     }
-    if (!((high - low) / norm(down) < HIGHEST * seen.eye.z)) return best;
-    const Lying part = lying(points, down, seen);
-    for (const Start& start : starts(part, seen)) {
-        const OutlineFit found = refined(part, start, seen);
+    if (!((high - low) / norm(down) < HIGHEST * observed.eye.z)) return best;
+    const OnTable part = on_table(points, down, observed);
+    for (const Start& start : starts(part, observed)) {
+        const OutlineFit found = refined(part, start, observed);
         if (found.cost < best.cost) best = found;
     }
     return best;

@@ -1,4 +1,4 @@
-// Necessary conditions of centres on a part at any pose: axes of their kind, side and size, at matching distances.
+// Necessary conditions for sensed centres on a part at any pose: axes of their kind, side and size, at their distances.
 #include "proposals/axes.hpp"
 
 #include <algorithm>
@@ -8,13 +8,13 @@ namespace tanteo {
 
 namespace {
 
-constexpr double TURNED = 0.004;    // and so much more [rad]: made and meshed axes differ from the drawing
-constexpr double PARALLEL = 1e-3;   // sine below which two axes are
-constexpr double LOOSE = 1.5;       // nats of a centre on an axis that is not among those of a part, beside their share
-constexpr double LEFT_OUT = 1e-3;   // least share that counts
+constexpr double TURNED = 0.004;    // tolerance of angles [rad]: made and meshed axes differ from the drawing
+constexpr double PARALLEL = 1e-3;   // sine below which two axes are parallel
+constexpr double LOOSE = 1.5;       // cost of a centre on an axis that is not stored, in addition to minus the log of their fraction [nats]
+constexpr double LEAST_UNSEEN = 1e-3;  // least fraction of axes that are not stored, below which it counts as zero
 constexpr double NEVER = 1e300;
 
-// Least distance of the lines of two axes; of a point from a line or another.
+// Least distance between the lines or points of two axes.
 double between(const ModelAxis& a, const ModelAxis& b) {
     const Vec3 off = b.middle - a.middle;
     if (a.point && b.point) return norm(off);
@@ -25,7 +25,7 @@ double between(const ModelAxis& a, const ModelAxis& b) {
     return std::fabs(dot(off, across)) / sine;
 }
 
-// Largest distance of places of two axes.
+// Largest distance between points of two axes.
 double ends_apart(const ModelAxis& a, const ModelAxis& b) {
     double far = 0;
     for (const double s : {a.low, a.high})
@@ -47,7 +47,7 @@ ModelAxes::ModelAxes(const float* rows, size_t count) {
         const bool line = x[12] > 0;
         share[kind] += weight;
         if (line && !all.empty() && all.back().kind == kind && all.back().number == number) {
-            ModelAxis& own = all.back();  // the same hole: how far beyond its wall centres may be
+            ModelAxis& own = all.back();  // the same hole: its centres may be beyond its wall
             const double s = dot(a - own.middle, own.along), t = dot(b - own.middle, own.along);
             own.low = std::min({s, t, -own.wall});
             own.high = std::max({s, t, own.wall});
@@ -77,7 +77,7 @@ AxisFits::AxisFits(const ModelAxes& axes, const std::vector<SensedCentre>& centr
     for (size_t i = 0; i < centres.size(); ++i) {
         const SensedCentre& own = centres[i];
         const double unseen = axes.unseen[own.kind];
-        most_of.push_back(unseen > LEFT_OUT ? std::min(own.most, LOOSE - std::log(unseen)) : own.most);
+        most_of.push_back(unseen > LEAST_UNSEEN ? std::min(own.most, LOOSE - std::log(unseen)) : own.most);
         for (size_t a = 0; a < N; ++a) {
             const ModelAxis& axis = axes.all[a];
             if (axis.kind != own.kind || own.side * axis.side < 0) continue;
@@ -96,9 +96,9 @@ bool AxisFits::agree(int i, int a, int j, int b) const {
     if (a == b) return apart < first.high - first.low + within;
     if (between(first, second) > apart + within || ends_apart(first, second) < apart - within) return false;
     if (!p.oriented() || !q.oriented()) return true;
-    const double felt = std::acos(std::clamp(std::fabs(dot(p.axis, q.axis)), 0.0, 1.0));
-    const double meant = std::acos(std::clamp(std::fabs(dot(first.along, second.along)), 0.0, 1.0));
-    return std::fabs(felt - meant) < SDS * std::hypot(p.tilt, q.tilt) + TURNED;
+    const double sensed = std::acos(std::clamp(std::fabs(dot(p.axis, q.axis)), 0.0, 1.0));
+    const double modelled = std::acos(std::clamp(std::fabs(dot(first.along, second.along)), 0.0, 1.0));
+    return std::fabs(sensed - modelled) < SDS * std::hypot(p.tilt, q.tilt) + TURNED;
 }
 
 double AxisFits::lacking() const {
@@ -113,10 +113,10 @@ double AxisFits::lacking() const {
     }
     for (int i = 0; i < n; ++i)
         for (int j = 0; j < i; ++j) {
-            if (!(more[i] > 0 && more[j] > 0) || axes.unseen[centres[i].kind] > LEFT_OUT) continue;
+            if (!(more[i] > 0 && more[j] > 0) || axes.unseen[centres[i].kind] > LEAST_UNSEEN) continue;
             bool fits = false;
             for (int a = 0; a < N && !fits; ++a)
-                for (int b = 0; b < N && !fits && may_be(i, a); ++b) fits = may_be(j, b) && agree(i, a, j, b);
+                for (int b = 0; b < N && !fits && may_match(i, a); ++b) fits = may_match(j, b) && agree(i, a, j, b);
             if (fits) continue;
             sum += std::min(more[i], more[j]);
             more[i] = more[j] = 0;

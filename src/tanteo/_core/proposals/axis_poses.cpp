@@ -1,4 +1,4 @@
-// Poses of a part from seeds: few sensed centres and planes on axes and faces that stand to each other as they do.
+// Poses of a part from seeds: few sensed centres and planes on axes and faces with the same mutual distances and angles.
 #include <algorithm>
 #include <cmath>
 
@@ -8,16 +8,16 @@ namespace tanteo {
 
 namespace {
 
-constexpr double PARALLEL = 1e-3;  // sine below which axes are
-constexpr double SHORT = 1e-6;     // at which steps end
-constexpr double HOPELESS = 100, NEARLY = 2;  // of what a pose may cost, the cost of a seed at which it is given up
+constexpr double PARALLEL = 1e-3;  // sine below which axes are parallel
+constexpr double SHORT = 1e-6;     // length of a step at which the iteration ends
+constexpr double HOPELESS = 100, NEARLY = 2;  // cost of a seed, over the limit of a pose, at which it is dropped: during and after the iteration
 constexpr double SHARP = 0.05;  // least sine of two directions that fix an attitude
 constexpr double PI = 3.14159265358979323846;
-constexpr int TURNS = 3;  // about a direction with an unknown rotation
+constexpr int TURNS = 3;  // number of turns about a direction with unknown rotation
 constexpr int LATE = 4, STEPS = 12, REFINED = 12;
-constexpr int TRIED = 4000;  // poses of a part that are tried
+constexpr int TRIED = 4000;  // largest number of poses of a part that are tried
 
-// An axis or face that an item of a seed may be of; planes of unknown side also with the opposite normal.
+// An axis or face that may match an item of a seed; a plane of unknown side also matches with the opposite normal.
 struct Partner {
     int which = 0;
     double sign = 1;
@@ -40,7 +40,7 @@ class Search {
         chosen(0);
     }
 
-    // A pose that planes proposed, with its uncertainty.
+    // Adds a pose that planes proposed, with its uncertainty.
     void start(const Pose& pose) {
         Spread known;
         PoseEquations at;
@@ -84,7 +84,7 @@ class Search {
     bool is_centre(int k) const { return item[k] < C; }
     Vec3 normal(int k) const { return of[k].sign * faces.planes[of[k].which].normal; }
 
-    // Partners for one more item of the seed, that agree with those of the others.
+    // Tries all partners of the next item of the seed that agree with those of the others.
     void chosen(int k) {
         if (k >= std::min(count, 3)) {
             if (beside()) placed();
@@ -96,7 +96,7 @@ class Search {
             for (const double sign : {1.0, -1.0}) {
                 if ((sign < 0 && !both) || tried > TRIED) continue;
                 of[k] = {which, sign};
-                if (is_centre(k) && !comparison.fits.may_be(item[k], which)) continue;
+                if (is_centre(k) && !comparison.fits.may_match(item[k], which)) continue;
                 bool agree = true;
                 for (int j = 0; j < k && agree; ++j) agree = together(j, k);
                 if (agree) chosen(k + 1);
@@ -108,11 +108,11 @@ class Search {
         if (is_centre(j) && is_centre(k)) return a != b && comparison.fits.agree(item[j], a, item[k], b);
         if (is_centre(j)) return over(j, k);
         const double c = std::clamp(dot(normal(j), normal(k)), -1.0, 1.0);
-        const double felt = std::clamp(dot(plane(j).normal, plane(k).normal), -1.0, 1.0);
-        return a != b && std::fabs(std::acos(c) - std::acos(felt)) < SDS * std::hypot(plane(j).tilt, plane(k).tilt) + AXIS_TURNED;
+        const double sensed = std::clamp(dot(plane(j).normal, plane(k).normal), -1.0, 1.0);
+        return a != b && std::fabs(std::acos(c) - std::acos(sensed)) < SDS * std::hypot(plane(j).tilt, plane(k).tilt) + AXIS_TURNED;
     }
 
-    // Whether a centre can be as high over a plane as places of an axis are over a face, and the axis as steep.
+    // Whether height and slope of a centre over a plane can be those of an axis over a face.
     bool over(int j, int k) const {
         const SensedCentre& c = centre(j);
         const SensedPlane& p = plane(k);
@@ -124,11 +124,11 @@ class Search {
         const double first = base + rise * axis.low, last = base + rise * axis.high;
         if (height < std::min(first, last) - within || height > std::max(first, last) + within) return false;
         if (!c.oriented()) return true;
-        const double felt = std::acos(std::clamp(std::fabs(dot(c.axis, p.normal)), 0.0, 1.0));
-        return std::fabs(felt - std::acos(std::clamp(std::fabs(rise), 0.0, 1.0))) < SDS * std::hypot(c.tilt, p.tilt) + AXIS_TURNED;
+        const double sensed = std::acos(std::clamp(std::fabs(dot(c.axis, p.normal)), 0.0, 1.0));
+        return std::fabs(sensed - std::acos(std::clamp(std::fabs(rise), 0.0, 1.0))) < SDS * std::hypot(c.tilt, p.tilt) + AXIS_TURNED;
     }
 
-    // Whether two centres are as far apart across a plane's normal as their axes, where these are along it.
+    // Whether the distance of two centres across a plane's normal is that of their axes, if these are along it.
     bool beside() const {
         if (count < 3 || !is_centre(1) || is_centre(2)) return true;
         const ModelAxis &a = axes[of[0].which], &b = axes[of[1].which];
@@ -140,9 +140,9 @@ class Search {
         return std::fabs(apart - comparison.fits.least_apart(of[0].which, of[1].which)) < within;
     }
 
-    // All items of the seed have partners: poses from about there.
+    // Proposes poses once all items of the seed have partners.
     void placed() {
-        Vec3 world[3], part[3], directions[2], own[2];  // places, and directions, of which a second one that is 0 is any
+        Vec3 world[3], part[3], directions[2], own[2];  // points and directions; a zero second direction is free
         int places = 0, ways = 0, free_sign = -1;
         for (int k = 0; k < count; ++k) {
             if (!is_centre(k)) {
@@ -171,8 +171,8 @@ class Search {
         }
     }
 
-    // Two centres and a direction: from places of the axes that are as far apart, where these are parallel, seen from
-    // either side; else from the middles of the walls and their ends.
+    // Two centres and a direction: from points of parallel axes at the same distance, in both directions; otherwise from the
+    // middles and ends of the walls.
     void of_two(const Vec3* world, const Vec3& direction, const Vec3& own, bool either) {
         const ModelAxis &a = axes[of[0].which], &b = axes[of[1].which];
         const auto between = [&](const Vec3& p, const Vec3& q) {
@@ -182,8 +182,8 @@ class Search {
                 if (sign > 0 || either) in_place(there, here, 0.5 * (world[0] + world[1]), 0.5 * (p + q));
             }
         };
-        if (is_along(a, own) && is_along(b, own)) return between(a.middle, b.middle);
-        if (!a.point && !b.point && is_along(a, b.along)) {
+        if (is_parallel_to(a, own) && is_parallel_to(b, own)) return between(a.middle, b.middle);
+        if (!a.point && !b.point && is_parallel_to(a, b.along)) {
             const Vec3 part[2] = {a.middle, b.middle};
             const double level = 0.5 * dot(a.along, b.middle - a.middle), high = 0.5 * rise(world, part, a.along, 0, 1).about;
             for (const double way : {high, -high})
@@ -195,11 +195,11 @@ class Search {
             for (const double t : {-0.5, 0.5}) between(a.middle + s * a.wall * a.along, b.middle + t * b.wall * b.along);
     }
 
-    static bool is_along(const ModelAxis& axis, const Vec3& way) {
+    static bool is_parallel_to(const ModelAxis& axis, const Vec3& way) {
         return axis.point || norm(cross(axis.along, unit(way))) < PARALLEL;
     }
 
-    // Two directions and a place of the part, and where they are.
+    // Proposes poses from two directions and a point in the part frame, and in the world.
     void in_place(const Vec3* there, const Vec3* here, const Vec3& to, const Vec3& from) {
         Mat3 R;
         const int turns = turned(there[0], there[1], here[0], here[1], R) ? 1 : TURNS;
@@ -209,8 +209,8 @@ class Search {
         }
     }
 
-    // The attitude that turns the first direction of the part to that of the world, the second into their plane; where
-    // there is one direction only, here or there, any turn about it.
+    // The attitude that turns the first direction of the part to that of the world, and the second into the plane of both.
+    // If one pair is nearly parallel, the turn about the first is arbitrary; returns false then.
     static bool turned(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d, Mat3& R) {
         const auto sharp = [](const Vec3& x, const Vec3& y) { return norm(cross(unit(x), y)) > SHARP * norm(y); };
         const auto frame = [](const Vec3& x, const Vec3& y) {
@@ -222,7 +222,7 @@ class Search {
         return both;
     }
 
-    // Three centres: parallel axes at the distances of the centres, from either side.
+    // Three centres: on parallel axes at the heights that their distances imply, in both directions.
     void of_three(const Vec3* world, Vec3* part) {
         const ModelAxis* axis[3];
         for (int k = 0; k < 3; ++k) axis[k] = &axes[of[k].which];
@@ -232,7 +232,7 @@ class Search {
             parallel = parallel && norm(cross(axis[0]->along, axis[k]->along)) < PARALLEL;
         }
         if (!parallel) {
-            for (int which = 0; which < 9; ++which) {  // the middles of the walls, then their ends
+            for (int which = 0; which < 9; ++which) {  // ends of the walls, then their middles
                 Vec3 places[3];
                 for (int k = 0; k < 3; ++k)
                     places[k] = part[k] + (which == 8 ? 0 : (which >> k & 1 ? 0.5 : -0.5) * axis[k]->wall) * axis[k]->along;
@@ -242,9 +242,9 @@ class Search {
         }
         const Vec3 u = axis[0]->along;
         const Rise second = rise(world, part, u, 0, 1), third = rise(world, part, u, 0, 2), last = rise(world, part, u, 1, 2);
-        const bool level = last.may_be(third.least - second.most, third.most - second.least) ||
-                           last.may_be(second.least - third.most, second.most - third.least);
-        const bool across = last.may_be(third.least + second.least, third.most + second.most);
+        const bool level = last.overlaps(third.least - second.most, third.most - second.least) ||
+                           last.overlaps(second.least - third.most, second.most - third.least);
+        const bool across = last.overlaps(third.least + second.least, third.most + second.most);
         if (!level && !across) return;
         const double off = std::fabs(std::fabs(third.about - second.about) - last.about);
         const double sign = level && (!across || off < std::fabs(third.about + second.about - last.about)) ? 1 : -1;
@@ -259,10 +259,10 @@ class Search {
         }
     }
 
-    // How much higher along their axes one of two centres is than the other, so that their distance agrees.
+    // Difference of heights of two centres along their axes that their distance implies, with its range.
     struct Rise {
         double least, about, most;
-        bool may_be(double from, double to) const { return from <= most && to >= least; }
+        bool overlaps(double from, double to) const { return from <= most && to >= least; }
     };
     Rise rise(const Vec3* world, const Vec3* part, const Vec3& u, int i, int j) const {
         const Vec3 off = part[j] - part[i], way = world[j] - world[i];
@@ -279,7 +279,7 @@ class Search {
         attempt({R, there - R * from});
     }
 
-    // Moves a pose to where the items of the seed are nearest to their partners.
+    // Refines a pose so that the items of the seed are on their partners, and keeps it if it is cheap.
     void attempt(Pose pose) {
         if (++tried > TRIED) {
             all = false;
@@ -288,7 +288,7 @@ class Search {
         PoseEquations at = equations(pose);
         int step = 0;
         bool hopeless = false;
-        // Levenberg's damping: where two heights are nearly one, a step leads far beyond, and the diagonal does not say so
+        // Levenberg's damping: if two heights are nearly equal, a step overshoots, which the diagonal does not show
         const auto damped = [](int i, double, double damping) {
             return damping * weak_prior(i, PoseEquations::STEP, PoseEquations::TURN);
         };

@@ -8,8 +8,8 @@ namespace tanteo {
 
 namespace {
 
-constexpr double CELL = 0.7;       // of the spacing of places: with 1, poses are missed thrice as often
-constexpr double BETWEEN = 0.316;  // of a field from a point to the node next to it, in steps of its grid
+constexpr double CELL = 0.7;       // cell over the spacing of surface samples: with 1, poses are missed three times as often
+constexpr double BETWEEN = 0.316;  // error of a field at the nearest node instead of the point, in steps of its grid
 
 }  // namespace
 
@@ -17,7 +17,7 @@ double coarse_cell(const CoarsePart& part) { return CELL * part.spacing; }
 
 double coarse_score(const CoarsePart& part, const CoarsePoints& points, const CoarseView& view, double most, double limit) {
     const CoarseField& f = part.field;
-    const double sd = 0.5 * coarse_cell(part) / f.step;  // a view is as much as half a cell off
+    const double sd = 0.5 * coarse_cell(part) / f.step;  // a view is up to half a cell off
     const float per = static_cast<float>(0.5 / (sd * sd + BETWEEN * BETWEEN)), unit = static_cast<float>(f.unit / f.step),
                 top = static_cast<float>(most), inverse = static_cast<float>(1 / f.step);
     const float mx = f.shape[0] - 1.0f, my = f.shape[1] - 1.0f, mz = f.shape[2] - 1.0f;

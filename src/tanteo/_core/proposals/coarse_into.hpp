@@ -1,4 +1,4 @@
-// Points where they are in a part, in steps of its field from its first node.
+// Transformation of points to the part frame, in steps of its field from the first node.
 #pragma once
 #include "proposals/coarse.hpp"
 

@@ -8,12 +8,12 @@ namespace tanteo {
 namespace {
 
 constexpr double PI = 3.14159265358979323846;
-constexpr int TURNS[] = {288, 1152, 4608};  // neighbours are about 23, 15 and 9 degrees apart
+constexpr int TURNS[] = {288, 1152, 4608};  // adjacent turns are about 23, 15 and 9 degrees apart
 constexpr size_t SPARE = 1;                 // points at each end of an axis that may be outliers
-constexpr double ALIKE = 1.5;               // turned by less, in steps between turns, and placed so, in cells
+constexpr double EQUAL = 1.5;               // distance of equal views: in steps between turns, and in cells
 constexpr double SURE = 3;                  // standard deviations
 
-// Turns that are even over all attitudes: a super-Fibonacci spiral of quaternions (Alexa, CVPR 2022).
+// Uniform attitudes: a super-Fibonacci spiral of quaternions (Alexa, CVPR 2022).
 std::vector<Mat3> even_turns(int count) {
     constexpr double PHI = 1.4142135623730951, PSI = 1.533751168755204288118041;
     std::vector<Mat3> out;
@@ -28,11 +28,11 @@ std::vector<Mat3> even_turns(int count) {
     return out;
 }
 
-// What points take up along each axis after turns.
+// Extent of points along each axis at uniform attitudes.
 CoarseTurns turned(const std::vector<Vec3>& points, int count) {
     CoarseTurns out;
     out.into = even_turns(count);
-    out.apart = std::cbrt(6 * PI / count);  // balls of that radius have the volume of all attitudes
+    out.apart = std::cbrt(6 * PI / count);  // balls of this radius fill the volume of all attitudes
     const size_t n = points.size(), cut = std::min(SPARE, (n - 1) / 3);
     std::vector<float> along(n);
     for (const Mat3& into : out.into)
@@ -48,7 +48,7 @@ CoarseTurns turned(const std::vector<Vec3>& points, int count) {
     return out;
 }
 
-// The fewest turns by which most points move no farther than a cell.
+// The fewest turns between which most points move at most a cell.
 const CoarseTurns& turns_for(const CoarsePoints& points, double cell) {
     for (const CoarseTurns& turns : points.turns)
         if (turns.apart * points.reach <= cell) return turns;
@@ -59,20 +59,20 @@ class Starts {
   public:
     Starts(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort)
         : part(part), points(points), effort(effort), cell(coarse_cell(part)), of(turns_for(points, cell)),
-          near(1 + 2 * std::cos(ALIKE * of.apart)) {}
+          near(1 + 2 * std::cos(EQUAL * of.apart)) {}
 
     std::vector<CoarseView> found() {
         size_t total = 0;
         for (size_t turn = 0; turn < of.into.size(); ++turn) {
             if (!fits(turn)) continue;
-            rooms.push_back(room_of(turn));
-            total += rooms.back().all();
+            regions.push_back(region_of(turn));
+            total += regions.back().all();
         }
         const size_t every = std::max<size_t>(1, total / effort.poses);
         size_t next = 0, before = 0;
-        for (const Room& room : rooms) {
-            for (; next < before + room.all(); next += every) score(room, next - before);
-            before += room.all();
+        for (const Region& region : regions) {
+            for (; next < before + region.all(); next += every) score(region, next - before);
+            before += region.all();
         }
         std::vector<CoarseView> out;
         for (const Kept& one : kept) out.push_back({of.into[one.turn], one.at});
@@ -80,7 +80,7 @@ class Starts {
     }
 
   private:
-    struct Room {  // where the points may be after a turn
+    struct Region {  // possible positions of the points at an attitude
         size_t turn = 0, count[3] = {1, 1, 1};
         double low[3] = {}, step[3] = {};
         size_t all() const { return count[0] * count[1] * count[2]; }
@@ -95,11 +95,11 @@ class Starts {
     const CoarseEffort& effort;
     const double cell;
     const CoarseTurns& of;
-    const double near;  // trace of a turn that is small
-    std::vector<Room> rooms;
+    const double near;  // trace of the largest small turn
+    std::vector<Region> regions;
     std::vector<Kept> kept;
 
-    // Whether the box holds the points after a turn, or after one between it and its neighbours.
+    // Whether the box can contain the points at an attitude, or at one between it and the adjacent ones.
     bool fits(size_t turn) const {
         const double slack = 2 * (of.apart * points.reach + points.noise);
         for (int k = 0; k < 3; ++k)
@@ -107,44 +107,44 @@ class Starts {
         return true;
     }
 
-    Room room_of(size_t turn) const {
-        Room room;
-        room.turn = turn;
+    Region region_of(size_t turn) const {
+        Region region;
+        region.turn = turn;
         for (int k = 0; k < 3; ++k) {
             const double free = std::max(part.high[k] - part.low[k] - of.width[k][turn], 0.0);
-            room.count[k] = std::max<size_t>(1, static_cast<size_t>(free / cell + 0.5));
-            room.step[k] = free / room.count[k];
-            room.low[k] = 0.5 * (part.low[k] + part.high[k] - free + room.step[k]) - of.middle[k][turn];
+            region.count[k] = std::max<size_t>(1, static_cast<size_t>(free / cell + 0.5));
+            region.step[k] = free / region.count[k];
+            region.low[k] = 0.5 * (part.low[k] + part.high[k] - free + region.step[k]) - of.middle[k][turn];
         }
-        return room;
+        return region;
     }
 
-    void score(const Room& room, size_t number) {
+    void score(const Region& region, size_t number) {
         Kept one;
-        one.turn = room.turn;
+        one.turn = region.turn;
         for (int k = 0; k < 3; ++k) {
-            one.at[k] = room.low[k] + room.step[k] * (number % room.count[k]);
-            number /= room.count[k];
+            one.at[k] = region.low[k] + region.step[k] * (number % region.count[k]);
+            number /= region.count[k];
         }
         const double limit = kept.size() < static_cast<size_t>(effort.begin) ? 1e300 : kept.back().cost;
         one.cost = coarse_score(part, points, {of.into[one.turn], one.at}, effort.most, limit);
         if (one.cost < limit) keep(one);
     }
 
-    // Sorted; of nearly equal rotations and positions only the best.
+    // Inserts in order; among nearly equal views only the best stays.
     void keep(const Kept& one) {
-        const auto like = std::find_if(kept.begin(), kept.end(), [&](const Kept& other) { return alike(other, one); });
-        if (like != kept.end()) {
-            if (like->cost <= one.cost) return;
-            kept.erase(like);
+        const auto same = std::find_if(kept.begin(), kept.end(), [&](const Kept& other) { return are_equal(other, one); });
+        if (same != kept.end()) {
+            if (same->cost <= one.cost) return;
+            kept.erase(same);
         }
         const auto before = [](const Kept& a, const Kept& b) { return a.cost < b.cost; };
         kept.insert(std::upper_bound(kept.begin(), kept.end(), one, before), one);
         if (kept.size() > static_cast<size_t>(effort.begin)) kept.pop_back();
     }
 
-    bool alike(const Kept& a, const Kept& b) const {
-        if (squared(a.at - b.at) >= ALIKE * ALIKE * cell * cell) return false;
+    bool are_equal(const Kept& a, const Kept& b) const {
+        if (squared(a.at - b.at) >= EQUAL * EQUAL * cell * cell) return false;
         double trace = 0;
         for (int i = 0; i < 9; ++i) trace += of.into[a.turn].m[i] * of.into[b.turn].m[i];
         return trace > near;

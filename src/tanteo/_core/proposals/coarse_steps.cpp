@@ -9,18 +9,18 @@ namespace tanteo {
 
 namespace {
 
-constexpr double ERROR = 0.2;      // of a field, in steps of its grid
-constexpr double TILT = 0.3;       // of its gradient [rad]
-constexpr float LEAST = 0.1f;      // of a gradient that has a direction
-constexpr int ROUNDS = 5;          // of steps, from coarse to fine: after the first, a quarter goes on
-constexpr double TURN = 1.0 / 3;   // that a step may take [rad]
+constexpr double ERROR = 0.2;      // error of a field, in steps of its grid
+constexpr double TILT = 0.3;       // error of its gradient direction [rad]
+constexpr float LEAST = 0.1f;      // least length of a gradient with a direction
+constexpr int ROUNDS = 5;          // number of steps, from coarse to fine: after the first, a quarter continues
+constexpr double TURN = 1.0 / 3;   // largest turn of a step [rad]
 
-// Distances of a block's points in steps of the field, with gradients, and where they are.
-struct Felt {
+// Distances of a block's points in steps of the field, with gradients and positions.
+struct FieldValues {
     float d[LANES], gx[LANES], gy[LANES], gz[LANES], x[LANES], y[LANES], z[LANES];
 };
 
-// Along one axis: beyond the field, the node before, and the share of the way to the next.
+// Along one axis: distance beyond the field, the lower node, and the fraction of the step to the next.
 struct Axis {
     float off[LANES], part[LANES];
     int node[LANES];
@@ -35,7 +35,7 @@ inline void along(const float* at, float top, Axis& out) {
     }
 }
 
-inline void feel(const CoarseField& field, const CoarseInto& into, const CoarseBlock& b, Felt& out) {
+inline void evaluate(const CoarseField& field, const CoarseInto& into, const CoarseBlock& b, FieldValues& out) {
     place(into, b, out.x, out.y, out.z);
     Axis X, Y, Z;
     along(out.x, field.shape[0] - 1.0001f, X);
@@ -68,44 +68,44 @@ struct Sums {
     float A[21][LANES] = {}, b[6][LANES] = {};
 };
 
-// Nats that the normals of a block cost.
-void tilted(const CoarseView& view, const CoarseBlock& b, const Felt& felt, float* cost) {
+// Adds the cost of the normals of a block [nats].
+void tilted(const CoarseView& view, const CoarseBlock& b, const FieldValues& values, float* cost) {
     for (int l = 0; l < LANES; ++l) {
         const Vec3 n = view.into * Vec3{b.nx[l], b.ny[l], b.nz[l]};
-        const double size = std::sqrt(felt.gx[l] * felt.gx[l] + felt.gy[l] * felt.gy[l] + felt.gz[l] * felt.gz[l]);
+        const double size = std::sqrt(values.gx[l] * values.gx[l] + values.gy[l] * values.gy[l] + values.gz[l] * values.gz[l]);
         if (b.oriented[l] == 0 || size <= LEAST) continue;
-        const double turn = 1 - (n.x * felt.gx[l] + n.y * felt.gy[l] + n.z * felt.gz[l]) / size;
+        const double turn = 1 - (n.x * values.gx[l] + n.y * values.gy[l] + n.z * values.gz[l]) / size;
         cost[l] += static_cast<float>(turn / (TILT * TILT + b.tilt2[l]));
     }
 }
 
-// What a block adds to the normal equations of small motions: of the points, by u and about the centre by w.
-inline void gather(const Felt& felt, const float* weight, const float* centre, Sums& sums) {
+// Adds a block to the normal equations of small motions of the points: shift u, and turn w about the centre.
+inline void gather(const FieldValues& values, const float* weight, const float* centre, Sums& sums) {
     float J[6][LANES];
     for (int l = 0; l < LANES; ++l) {
-        const float x = felt.x[l] - centre[0], y = felt.y[l] - centre[1], z = felt.z[l] - centre[2];
-        J[0][l] = felt.gx[l], J[1][l] = felt.gy[l], J[2][l] = felt.gz[l];
-        J[3][l] = y * felt.gz[l] - z * felt.gy[l];
-        J[4][l] = z * felt.gx[l] - x * felt.gz[l];
-        J[5][l] = x * felt.gy[l] - y * felt.gx[l];
+        const float x = values.x[l] - centre[0], y = values.y[l] - centre[1], z = values.z[l] - centre[2];
+        J[0][l] = values.gx[l], J[1][l] = values.gy[l], J[2][l] = values.gz[l];
+        J[3][l] = y * values.gz[l] - z * values.gy[l];
+        J[4][l] = z * values.gx[l] - x * values.gz[l];
+        J[5][l] = x * values.gy[l] - y * values.gx[l];
     }
     for (int i = 0, at = 0; i < 6; ++i) {
         float w[LANES];
         for (int l = 0; l < LANES; ++l) w[l] = weight[l] * J[i][l];
-        for (int l = 0; l < LANES; ++l) sums.b[i][l] -= w[l] * felt.d[l];
+        for (int l = 0; l < LANES; ++l) sums.b[i][l] -= w[l] * values.d[l];
         for (int k = 0; k <= i; ++k, ++at)
             for (int l = 0; l < LANES; ++l) sums.A[at][l] += w[l] * J[k][l];
     }
 }
 
-// The best, in order.
+// Keeps the best, in order.
 void only(CoarseRanked& found, int count) {
     const auto better = [](const auto& a, const auto& b) { return a.first < b.first; };
     std::stable_sort(found.begin(), found.end(), better);
     if (static_cast<int>(found.size()) > count) found.resize(count);
 }
 
-// One part, the points scaled to the steps of its field.
+// Refinement on one part, with the points scaled to the steps of its field.
 class Steps {
   public:
     Steps(const CoarsePart& part, const CoarsePoints& points, double most)
@@ -121,31 +121,31 @@ class Steps {
         centre[0] = static_cast<float>(c.x), centre[1] = static_cast<float>(c.y), centre[2] = static_cast<float>(c.z);
     }
 
-    // Nats at a pose, with a field that errs by so much; and what is to be solved for a step.
+    // Cost at a pose [nats] with an error of the field, and the normal equations if requested.
     double nats(const CoarseView& view, double sd, Sums* sums) const {
         float sum[LANES] = {};
         const CoarseInto into(part.field, view);
         for (const CoarseBlock& b : blocks) {
-            Felt felt;
-            feel(part.field, into, b, felt);
+            FieldValues values;
+            evaluate(part.field, into, b, values);
             float cost[LANES], per[LANES];
             for (int l = 0; l < LANES; ++l) {
                 per[l] = b.weight[l] / (static_cast<float>(sd * sd) + b.var[l]);
-                cost[l] = 0.5f * felt.d[l] * felt.d[l] * per[l];
+                cost[l] = 0.5f * values.d[l] * values.d[l] * per[l];
             }
-            if (oriented) tilted(view, b, felt, cost);
+            if (oriented) tilted(view, b, values, cost);
             for (int l = 0; l < LANES; ++l) {
                 sum[l] += std::min(cost[l], most);
                 per[l] = cost[l] > 2 * most ? 0.0f : per[l] / (1 + cost[l] / most);
             }
-            if (sums) gather(felt, per, centre, *sums);
+            if (sums) gather(values, per, centre, *sums);
         }
         double all = 0;
         for (int l = 0; l < LANES; ++l) all += sum[l];
         return all;
     }
 
-    // Moves a view by Gauss-Newton steps, one for each round from the first on; a field errs by sd(round).
+    // Refines a view by Gauss-Newton steps, one for each round from `first`; the error of the field is sd(round).
     template <class Error>
     void fit(CoarseView& view, int first, int count, const Error& sd) const {
         const auto equations = [&](int k) {

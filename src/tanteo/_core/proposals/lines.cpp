@@ -8,8 +8,8 @@ namespace tanteo {
 
 namespace {
 
-constexpr double PARALLEL = 1e-3;  // sine up to which faces of a part share one line
-constexpr double ONE = 1e-6;       // heights nearer than this are one [m]
+constexpr double PARALLEL = 1e-3;  // sine up to which faces of a part share one direction
+constexpr double ONE = 1e-6;       // heights closer than this are equal [m]
 
 double sine(const Vec3& a, const Vec3& b) { return norm(cross(a, b)); }
 
@@ -23,7 +23,7 @@ void sort(Heights& heights) {
     }
 }
 
-// How far the nearest of sorted numbers is beyond x.
+// Signed distance from x to the nearest of sorted numbers.
 double beyond(const std::vector<double>& sorted, double x) {
     double off = 1e300;
     for (const double one : sorted) {
@@ -33,11 +33,11 @@ double beyond(const std::vector<double>& sorted, double x) {
     return off;
 }
 
-const Heights& looking(const ModelLine& line, int sign) { return sign > 0 ? line.ahead : line.behind; }
+const Heights& facing(const ModelLine& line, int sign) { return sign > 0 ? line.forward : line.backward; }
 
-// Nats of a line's planes near a shift: each on the face that is nearest there, then the shift as these have it; where
-// they are no less than the limit, that.
-Shift settled(const SensedLine& line, const ModelLine& faces, int turn, const std::vector<double>& most, double shift,
+// Cost of a line's planes near a shift [nats], each on its nearest face, and the shift refined on these faces. Returns the
+// limit if the cost is not below it.
+Shift refined(const SensedLine& line, const ModelLine& faces, int turn, const std::vector<double>& most, double shift,
               double limit) {
     double out = 0, w = 0, wr = 0, wrr = 0;
     for (const auto& one : line.members) {
@@ -45,7 +45,7 @@ Shift settled(const SensedLine& line, const ModelLine& faces, int turn, const st
         double off = 1e300;
         for (const int sign : {1, -1}) {
             if (one.sign == -sign) continue;
-            const double other = beyond(looking(faces, sign * turn).of(one.alone), height);
+            const double other = beyond(facing(faces, sign * turn).of(one.alone), height);
             if (std::fabs(other) < std::fabs(off)) off = other;
         }
         if (0.5 * weight * off * off < most[one.plane]) {
@@ -60,16 +60,16 @@ Shift settled(const SensedLine& line, const ModelLine& faces, int turn, const st
     return {shift - turn * wr / w, out + std::max(0.5 * (wrr - wr * wr / w), 0.0)};
 }
 
-// Puts a plane into the first line that it is parallel to.
+// Adds a plane to the first line that is parallel to it.
 void sort_in(const std::vector<SensedPlane>& sensed, int k, std::vector<SensedLine>& lines) {
     const SensedPlane& plane = sensed[k];
     SensedLine* own = nullptr;
     for (SensedLine& line : lines) {
         const SensedPlane& first = sensed[line.members[0].plane];
-        const double room = agreement(first.tilt, plane.tilt);
-        if (own || std::asin(std::min(sine(first.normal, plane.normal), 1.0)) > room) continue;
+        const double tolerance = agreement(first.tilt, plane.tilt);
+        if (own || std::asin(std::min(sine(first.normal, plane.normal), 1.0)) > tolerance) continue;
         own = &line;
-        own->within = std::max(own->within, room);
+        own->within = std::max(own->within, tolerance);
     }
     if (!own) own = &lines.emplace_back();
     const Vec3 first = own->members.empty() ? plane.normal : sensed[own->members[0].plane].normal;
@@ -78,14 +78,14 @@ void sort_in(const std::vector<SensedPlane>& sensed, int k, std::vector<SensedLi
     own->members.push_back({k, plane.sided ? sign : 0, 0, 0, plane.alone});
 }
 
-// Adds the walls of cylinders whose normals may look along a direction.
+// Adds the walls of cylinders whose normals may be along a direction.
 void add_walls(const ModelFaces& faces, double within, ModelLine& line) {
     for (const ModelRound& round : faces.rounds) {
-        const double off = std::fabs(dot(round.axis, line.way)), middle = dot(round.middle, line.way);
+        const double off = std::fabs(dot(round.axis, line.direction)), middle = dot(round.middle, line.direction);
         if (off > std::max(within, PARALLEL)) continue;
         if (off > PARALLEL) line.blur = std::max(line.blur, squares(off * round.half));
-        line.ahead.all.push_back(middle + round.sign * round.radius);
-        line.behind.all.push_back(middle - round.sign * round.radius);
+        line.forward.all.push_back(middle + round.sign * round.radius);
+        line.backward.all.push_back(middle - round.sign * round.radius);
     }
 }
 
@@ -108,7 +108,7 @@ std::vector<SensedLine> sensed_lines(const std::vector<SensedPlane>& sensed) {
         line.tilt = 1 / std::sqrt(weight);
         for (auto& one : line.members) {
             const SensedPlane& plane = sensed[one.plane];
-            // the line's tilt, two numbers, is shared by all: with this of its own for each they cost no more by it
+            // the tilt of the line, two numbers, is shared by all planes: this inflation as if it were independent bounds its effect
             const double lever2 = squares(norm(cross(line.normal, plane.at - line.middle)));
             one.height = dot(line.normal, plane.at);
             one.variance = plane.sd * plane.sd + std::max(count / 2, 1.0) * line.tilt * line.tilt * lever2;
@@ -118,33 +118,33 @@ std::vector<SensedLine> sensed_lines(const std::vector<SensedPlane>& sensed) {
 }
 
 void wall_line(const ModelFaces& faces, double within, ModelLine& line) {
-    line.ahead.clear();
-    line.behind.clear();
+    line.forward.clear();
+    line.backward.clear();
     line.blur = 0;
     add_walls(faces, within, line);
-    sort(line.ahead);
-    sort(line.behind);
+    sort(line.forward);
+    sort(line.backward);
 }
 
 void model_lines(const ModelFaces& faces, double within, std::vector<ModelLine>& out) {
     out.clear();
     for (const ModelPlane& face : faces.planes) {
-        const auto one = [&](const ModelLine& line) { return sine(line.way, face.normal) < PARALLEL; };
+        const auto one = [&](const ModelLine& line) { return sine(line.direction, face.normal) < PARALLEL; };
         if (std::none_of(out.begin(), out.end(), one)) out.push_back({face.normal, {}, {}, 0});
     }
-    const double room = std::max(std::sin(std::min(within, 1.5)), PARALLEL);
+    const double largest = std::max(std::sin(std::min(within, 1.5)), PARALLEL);
     for (ModelLine& line : out) {
         for (const ModelPlane& face : faces.planes) {
-            const double off = sine(line.way, face.normal);
-            if (off > room) continue;
+            const double off = sine(line.direction, face.normal);
+            if (off > largest) continue;
             if (off > PARALLEL) line.blur = std::max(line.blur, squares(off * face.reach));
-            Heights& heights = dot(line.way, face.normal) > 0 ? line.ahead : line.behind;
-            heights.planes.push_back(dot(line.way, face.centre));
+            Heights& heights = dot(line.direction, face.normal) > 0 ? line.forward : line.backward;
+            heights.planes.push_back(dot(line.direction, face.centre));
             heights.all.push_back(heights.planes.back());
         }
-        add_walls(faces, room, line);
-        sort(line.ahead);
-        sort(line.behind);
+        add_walls(faces, largest, line);
+        sort(line.forward);
+        sort(line.backward);
     }
 }
 
@@ -156,14 +156,14 @@ void shifts(const SensedLine& line, const ModelLine& faces, int turn, const std:
         sd = std::min(sd, std::sqrt(one.variance));
         for (const int sign : {1, -1}) {
             if (one.sign == -sign) continue;
-            for (const double height : looking(faces, sign * turn).of(one.alone)) {
-                const Shift found = settled(line, faces, turn, most, one.height - turn * height, limit);
+            for (const double height : facing(faces, sign * turn).of(one.alone)) {
+                const Shift found = refined(line, faces, turn, most, one.height - turn * height, limit);
                 if (found.cost < limit) out.push_back(found);
             }
         }
     }
     std::sort(out.begin(), out.end(), [](const Shift& a, const Shift& b) { return a.cost < b.cost; });
-    size_t kept = 0;  // one that is nearer than its noise to a better one leads to where that does
+    size_t kept = 0;  // shifts within the noise of a better one are duplicates
     for (size_t k = 0; k < out.size(); ++k) {
         const auto near = [&](const Shift& other) { return std::fabs(other.at - out[k].at) < 0.5 * sd; };
         if (std::none_of(out.begin(), out.begin() + kept, near)) out[kept++] = out[k];

@@ -10,10 +10,10 @@ namespace tanteo {
 
 namespace {
 
-constexpr float FAR = -80.0f;      // log of an overlap that is none
-constexpr float NOTHING = 1e-30f;  // what a logarithm is taken of at least
+constexpr float FAR = -80.0f;      // log of a negligible overlap
+constexpr float NOTHING = 1e-30f;  // least argument of a logarithm
 
-// The two functions of the inner loop are plain arithmetic, so that compilers make vectors of it.
+// The two functions of the inner loop are plain arithmetic, so that compilers vectorize it.
 
 inline float exp_below_zero(float x) {
     const float y = x * 1.44269504f;

@@ -5,20 +5,20 @@
 
 namespace tanteo {
 
-// Readings expected under some samples: normal densities with weights, those of one group together.
+// Expected readings under samples in groups: normal densities with weights.
 class Overlaps {
   public:
-    // number of the group of each sample, from 0
+    // groups: index of the group of each sample, from 0
     explicit Overlaps(const std::vector<int>& groups);
 
-    // Mutual information [nats] of the group and one reading: weights (0 for a sample that gives none), means, variances
-    // of all samples; overlaps of pairs are Bhattacharyya's, in single precision.
+    // Mutual information of the group and one reading [nats], from weights (0 for a sample without a reading), means and
+    // variances of all samples, by Bhattacharyya overlaps of pairs in single precision.
     double information(const double* weights, const double* means, const double* variances);
 
   private:
     std::vector<int> order, group;  // samples by group
     std::vector<float> w, m, v, root, all, own, pair;
-    std::vector<std::size_t> end;  // of the group of each
+    std::vector<std::size_t> end;  // end of the group of each sample
 };
 
 }  // namespace tanteo

@@ -25,13 +25,13 @@ void add_line(const SensedLine& line, Mat3& information) {
 
 PlaneBase of_lines(const std::vector<SensedLine>& lines, int first, int second, int third) {
     const SensedLine &a = lines[first], &b = lines[second];
-    const double angle = std::acos(std::clamp(dot(a.normal, b.normal), -1.0, 1.0)), room = agreement(a.tilt, b.tilt);
+    const double angle = std::acos(std::clamp(dot(a.normal, b.normal), -1.0, 1.0)), tolerance = agreement(a.tilt, b.tilt);
     PlaneBase out{};
     out.first = first;
     out.second = second;
     out.third = third;
-    out.low = std::cos(std::min(angle + room, PI));
-    out.high = std::cos(std::max(angle - room, 0.0));
+    out.low = std::cos(std::min(angle + tolerance, PI));
+    out.high = std::cos(std::max(angle - tolerance, 0.0));
     out.frame = transposed(axes(a.normal, b.normal));
     const double tilt = std::hypot(a.tilt, b.tilt / norm(cross(a.normal, b.normal)));
     Mat3 information;
@@ -43,8 +43,8 @@ PlaneBase of_lines(const std::vector<SensedLine>& lines, int first, int second, 
     return out;
 }
 
-// Cylinders that are not within each other are farther apart than their radii: the turn about the line is known as well
-// as the worse of the two normals.
+// Cylinders that do not contain each other are farther apart than their radii, so that the turn about the line has at most
+// the standard deviation of the worse of the two normals.
 PlaneBase of_walls(const std::vector<SensedPlane>& sensed, const std::vector<SensedLine>& lines, int line, int one, int other) {
     const SensedLine& own = lines[line];
     PlaneBase out{};
@@ -62,9 +62,9 @@ PlaneBase of_walls(const std::vector<SensedPlane>& sensed, const std::vector<Sen
     return out;
 }
 
-// Remaining uncertainty of each plane at a given attitude. An error of it is of three numbers, which all planes share: with
-// a third of as many of its variances as there are planes for each, they cost no more by it.
-void tell_planes(const std::vector<SensedPlane>& sensed, PlaneBase& base) {
+// Sets the remaining uncertainty of each plane at the attitude. All planes share its error of three numbers; the variance is
+// inflated by a third of the number of planes, as if the error were independent, so that costs are lower bounds.
+void set_uncertainties(const std::vector<SensedPlane>& sensed, PlaneBase& base) {
     const double share = std::max(sensed.size() / 3.0, 1.0);
     base.spread = share * (base.covariance(0, 0) + base.covariance(1, 1) + base.covariance(2, 2)) / 3;
     const Vec3 middle = middle_of(sensed);
@@ -97,17 +97,17 @@ std::vector<PlaneBase> plane_bases(const std::vector<SensedPlane>& sensed, const
     std::vector<int> of(sensed.size());
     for (size_t j = 0; j < lines.size(); ++j)
         for (const auto& one : lines[j].members) of[one.plane] = static_cast<int>(j);
-    std::set<std::array<int, 3>> told;
+    std::set<std::array<int, 3>> done;
     std::vector<PlaneBase> out;
     for (size_t k = 0; k + 2 < triples.size(); k += 3) {
         const int first = of[triples[k]], second = of[triples[k + 1]], third = triples[k + 2] < 0 ? -1 : of[triples[k + 2]];
         if (first == second || second == third || third == first) continue;
-        if (told.insert({std::min(first, second), std::max(first, second), third}).second)
+        if (done.insert({std::min(first, second), std::max(first, second), third}).second)
             out.push_back(of_lines(lines, first, second, third));
     }
     for (size_t k = 0; k + 2 < walls.size(); k += 3)
         if (walls[k + 1] != walls[k + 2]) out.push_back(of_walls(sensed, lines, of[walls[k]], walls[k + 1], walls[k + 2]));
-    for (PlaneBase& one : out) tell_planes(sensed, one);
+    for (PlaneBase& one : out) set_uncertainties(sensed, one);
     return out;
 }
 

@@ -9,11 +9,11 @@ namespace tanteo {
 
 namespace {
 
-constexpr double INDEPENDENT = 0.1;  // triple product of three directions that fix a place
-constexpr size_t LEAST = 12;         // poses that are refined at least: some lead to others
-constexpr int SLIDES = 4;            // places along a direction that no plane fixes
+constexpr double INDEPENDENT = 0.1;  // least triple product of three directions that fix a position
+constexpr size_t LEAST = 12;         // least number of poses that are refined: some lead to equal ones
+constexpr int SLIDES = 4;            // number of positions along a direction that no plane fixes
 
-// A turn by a small vector: by a little less than its length.
+// Rotation by a small vector, by slightly less than its length.
 Mat3 turned(const Vec3& w) {
     const double s = 1 / (1 + 0.25 * squared(w));
     const Mat3 W{{0, -w.z, w.y, w.z, 0, -w.x, -w.y, w.x, 0}}, W2 = W * W;
@@ -42,12 +42,12 @@ double PlaneSearch::none(int line) const {
     return out;
 }
 
-std::vector<PlanePose> PlaneSearch::on(const ModelFaces& all, const std::vector<double>& nats, double upto, double so_much,
+std::vector<PlanePose> PlaneSearch::on(const ModelFaces& all, const std::vector<double>& nats, double upto, double largest_gap,
                                        int keep) {
     faces = &all;
     most = &nats;
     limit = upto;
-    behind = so_much;
+    gap = largest_gap;
     most_poses = std::max(LEAST, static_cast<size_t>(keep));
     rough.clear();
     model_lines(*faces, within, model);
@@ -63,7 +63,7 @@ std::vector<PlanePose> PlaneSearch::on(const ModelFaces& all, const std::vector<
     for (const Rough& one : rough) {
         if (one.at.cost >= upto) break;
         found.push_back(fit.refined(one.at.pose, one.turned, middle));
-        upto = std::min(upto, found.back().cost + behind);
+        upto = std::min(upto, found.back().cost + gap);
     }
     std::sort(found.begin(), found.end(), [](const PlanePose& a, const PlanePose& b) { return a.cost < b.cost; });
     std::vector<PlanePose> out;
@@ -81,32 +81,32 @@ bool PlaneSearch::are_one(const Pose& one, const Pose& other, double turn) const
     return squares < 2 * turn * turn && squared(into_part(one, middle) - into_part(other, middle)) < apart * apart;
 }
 
-// The ways to put a sensed line on one of the part's: no more than cost less than the limit.
-const std::vector<Shift>& PlaneSearch::ways(int line, size_t i) {
+// The shifts of a sensed line onto a line of the part that cost less than the limit.
+const std::vector<Shift>& PlaneSearch::shifts_of(int line, size_t i) {
     const size_t at = 2 * model.size() * line + i;
     if (!tabled[at]) shifts(lines[line], model[i / 2], i % 2 ? -1 : 1, *most, limit, table[at]);
     tabled[at] = 1;
     return table[at];
 }
 
-// All attitudes at which the first two lines are along two of the part's.
+// Tries all attitudes with the first two lines along two lines of the part.
 void PlaneSearch::attitudes() {
     for (size_t i = 0; i < 2 * model.size(); ++i) {
-        if (ways(base->first, i).empty()) continue;
+        if (shifts_of(base->first, i).empty()) continue;
         for (size_t k = 0; k < 2 * model.size(); ++k) {
-            const double c = dot(way(i), way(k));
-            if (i / 2 == k / 2 || c < base->low || c > base->high || ways(base->second, k).empty()) continue;
-            if (ways(base->first, i)[0].cost + ways(base->second, k)[0].cost < limit) attitude(i, k);
+            const double c = dot(direction_of(i), direction_of(k));
+            if (i / 2 == k / 2 || c < base->low || c > base->high || shifts_of(base->second, k).empty()) continue;
+            if (shifts_of(base->first, i)[0].cost + shifts_of(base->second, k)[0].cost < limit) attitude(i, k);
         }
     }
 }
 
 void PlaneSearch::attitude(size_t i, size_t k) {
-    into = axes(way(i), way(k)) * base->frame;
+    into = axes(direction_of(i), direction_of(k)) * base->frame;
     towards.assign(lines.size(), Vec3{});
-    towards[base->first] = way(i);
-    towards[base->second] = way(k);
-    double others = 0, sum = ways(base->first, i)[0].cost + ways(base->second, k)[0].cost;
+    towards[base->first] = direction_of(i);
+    towards[base->second] = direction_of(k);
+    double others = 0, sum = shifts_of(base->first, i)[0].cost + shifts_of(base->second, k)[0].cost;
     along[2].clear();
     for (int j = 0; j < static_cast<int>(lines.size()) && sum + others < limit; ++j) {
         if (j == base->first || j == base->second) continue;
@@ -116,58 +116,58 @@ void PlaneSearch::attitude(size_t i, size_t k) {
     }
     if (base->third >= 0) sum += along[2].empty() ? limit : along[2][0].cost;
     if (sum + others >= limit) return;
-    const Vec3 free = unit(cross(way(i), way(k)));
-    const Vec3 direction[3] = {way(i), way(k), base->third < 0 ? free : towards[base->third]};
+    const Vec3 free = unit(cross(direction_of(i), direction_of(k)));
+    const Vec3 direction[3] = {direction_of(i), direction_of(k), base->third < 0 ? free : towards[base->third]};
     if (std::fabs(dot(direction[0], cross(direction[1], direction[2]))) < INDEPENDENT) return;
     average();
     prepare();
-    along[0] = ways(base->first, i);
-    along[1] = ways(base->second, k);
+    along[0] = shifts_of(base->first, i);
+    along[1] = shifts_of(base->second, k);
     place(0, base->first, direction[0]);
     place(1, base->second, direction[1]);
     if (base->third < 0) slides(free, along[2]); else place(2, base->third, direction[2]);
     placed(direction, others);
 }
 
-// The shifts along a line at the attitude, which turned it about its middle.
+// Corrects the shifts along a line for the attitude, which turned it about its middle.
 void PlaneSearch::place(int m, int line, const Vec3& direction) {
     const SensedLine& own = lines[line];
     const double off = dot(direction, into * own.middle) - dot(own.normal, own.middle);
     for (Shift& one : along[m]) one.at += off;
 }
 
-// The least that another line costs at the attitude, and along which direction of the part it is then, if along any. All
-// of its ways to be along that, if requested.
+// Least cost of another line at the attitude [nats]; sets the direction of the part along which it then is, and returns all
+// its shifts along that direction if requested.
 double PlaneSearch::other(int line, std::vector<Shift>* all) {
     const Vec3 n = into * lines[line].normal;
     double best = none(line), nearest = base->near[line];
     size_t which = 2 * model.size();
     for (size_t i = 0; i < model.size(); ++i) {
-        const double c = dot(n, model[i].way);
+        const double c = dot(n, model[i].direction);
         if (std::fabs(c) < base->near[line]) continue;
         const size_t own = 2 * i + (c < 0);
-        if (!ways(line, own).empty()) best = std::min(best, ways(line, own)[0].cost);
+        if (!shifts_of(line, own).empty()) best = std::min(best, shifts_of(line, own)[0].cost);
         if (std::fabs(c) < nearest) continue;
         nearest = std::fabs(c);
         which = own;
     }
     if (which < 2 * model.size()) {
-        towards[line] = way(which);
-        if (all) *all = ways(line, which);
+        towards[line] = direction_of(which);
+        if (all) *all = shifts_of(line, which);
     } else if (!faces->rounds.empty()) {
         const double across = std::sqrt(1 - base->near[line] * base->near[line]);
-        wall.way = n;
+        wall.direction = n;
         wall_line(*faces, across, wall);
-        shifts(lines[line], wall, 1, *most, limit, rolled);
-        if (rolled.empty()) return best;
-        best = std::min(best, rolled[0].cost);
+        shifts(lines[line], wall, 1, *most, limit, wall_shifts);
+        if (wall_shifts.empty()) return best;
+        best = std::min(best, wall_shifts[0].cost);
         towards[line] = n;
-        if (all) *all = rolled;
+        if (all) *all = wall_shifts;
     }
     return best;
 }
 
-// Turns the attitude to where all lines are nearest to their directions.
+// Refines the attitude so that all lines are along their directions.
 void PlaneSearch::average() {
     Vec3 b;
     for (size_t j = 0; j < lines.size(); ++j)
@@ -175,7 +175,7 @@ void PlaneSearch::average() {
     into = turned(into * (base->covariance * b)) * into;
 }
 
-// The planes at the attitude, each with the faces and walls that look its way.
+// Collects the planes at the attitude, each with the faces and walls of its direction.
 void PlaneSearch::prepare() {
     planes.clear();
     options.clear();
@@ -187,8 +187,8 @@ void PlaneSearch::prepare() {
         for (const ModelPlane& face : faces->planes) {
             const double c = dot(one.normal, face.normal), agree = plane.sided ? c : std::fabs(c);
             if (agree < known.near) continue;
-            const double room = face.reach + known.reach, nats = (1 - agree) / known.tilt2;
-            options.push_back({face.normal, face.centre, dot(face.normal, one.at - face.centre), room * room, nats});
+            const double reach = face.reach + known.reach, nats = (1 - agree) / known.tilt2;
+            options.push_back({face.normal, face.centre, dot(face.normal, one.at - face.centre), reach * reach, nats});
         }
         one.last = options.size();
         for (const ModelRound& round : faces->rounds) {
@@ -200,7 +200,7 @@ void PlaneSearch::prepare() {
     }
 }
 
-// The part at some places along the direction that its two lines leave free, no farther than it was felt.
+// Shifts along the direction that two lines leave free, with the sensed points within the part.
 void PlaneSearch::slides(const Vec3& direction, std::vector<Shift>& out) const {
     double first = 1e300, last = -1e300, low = 1e300, high = -1e300;
     for (const ModelPlane& face : faces->planes) {
@@ -215,7 +215,7 @@ void PlaneSearch::slides(const Vec3& direction, std::vector<Shift>& out) const {
     for (int k = 0; k < SLIDES; ++k) out.push_back({low - first - (last - first - high + low) * k / (SLIDES - 1.0), 0});
 }
 
-// Tries the places to which the shifts along three directions lead.
+// Tries the positions from shifts along three directions.
 void PlaneSearch::placed(const Vec3* direction, double others) {
     const Vec3 &u = direction[0], &v = direction[1], &w = direction[2], vw = cross(v, w), wu = cross(w, u), uv = cross(u, v);
     const double scale = 1 / dot(u, vw);
@@ -241,9 +241,9 @@ double PlaneSearch::cost(const Vec3& shift) const {
         double best = (*most)[k];
         for (size_t m = one.first; m < one.last; ++m) {
             const Option& option = options[m];
-            const double h = option.ahead - dot(option.normal, shift), h2 = h * h;
+            const double h = option.height - dot(option.normal, shift), h2 = h * h;
             const double own = 0.5 * h2 / known.variance + option.turned;
-            if (own < best && squared(one.at - shift - option.centre) - h2 < option.room2) best = own;
+            if (own < best && squared(one.at - shift - option.centre) - h2 < option.reach2) best = own;
         }
         for (size_t m = one.first_wall; m < one.last_wall; ++m)
             best = on_wall(walls[m], one.normal, one.at - shift, known.variance, known.tilt2, best).cost;
@@ -255,12 +255,12 @@ double PlaneSearch::cost(const Vec3& shift) const {
 void PlaneSearch::keep(const Vec3& shift, double cost) {
     const Mat3 R = transposed(into);
     rough.push_back({{{R, R * shift}, cost}, std::sqrt(base->spread)});
-    limit = std::min(limit, cost + behind);
+    limit = std::min(limit, cost + gap);
     if (rough.size() <= 4 * most_poses) return;
     thinned();
 }
 
-// The best of them; of those that are one within what is known of them, one.
+// Keeps the best poses; among poses that are equal within their uncertainty only one.
 void PlaneSearch::thinned() {
     std::sort(rough.begin(), rough.end(), [](const Rough& a, const Rough& b) { return a.at.cost < b.at.cost; });
     size_t kept = 0;

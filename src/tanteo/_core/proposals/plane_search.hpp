@@ -1,4 +1,4 @@
-// Poses of a part at which sensed planes are on its faces: what is parallel votes for where the part is along it.
+// Poses of a part with sensed planes on its faces: parallel planes vote for the position of the part along their normal.
 #pragma once
 #include <array>
 #include <vector>
@@ -11,26 +11,26 @@ namespace tanteo {
 
 class PlaneSearch {
   public:
-    // Each triple has three numbers of planes, whose lines determine the pose; the last one is -1 where there is no third. Walls
-    // are triples of a plane and two points that may be of cylinders across it.
+    // triples: three indices of planes each, whose lines determine the pose; the last is -1 if there is no third. walls:
+    // triples of a plane and two points that may be on cylinders across it.
     PlaneSearch(const std::vector<SensedPlane>& sensed, const std::vector<int>& triples, const std::vector<int>& walls);
 
-    // Poses that cost less than the limit, or than so much more than the best, in nats, best first. Most: what each
-    // plane costs without a face.
-    std::vector<PlanePose> on(const ModelFaces& faces, const std::vector<double>& most, double limit, double behind,
+    // Poses that cost less than the limit, and less than the best plus a gap [nats], best first. most: cost of each plane
+    // without a face [nats].
+    std::vector<PlanePose> on(const ModelFaces& faces, const std::vector<double>& most, double limit, double gap,
                               int keep);
 
   private:
     using Pair = std::array<Vec3, 2>;
-    // A face, or a plane of the part as one sensed plane may meet it at an attitude.
+    // A face of the part that may match a sensed plane at an attitude.
     struct Option {
         Vec3 normal, centre;
-        double ahead, room2, turned;  // height over it but for the shift; squared reach [m^2]; nats of the tilt
+        double height, reach2, turned;  // height of the plane over it without the shift; squared reach [m^2]; cost of the tilt [nats]
     };
     struct Sensed {
         Vec3 at, normal;               // in the part's axes
-        size_t first, last;            // of its options
-        size_t first_wall, last_wall;  // of the cylinders on whose walls it may be
+        size_t first, last;            // range of its options
+        size_t first_wall, last_wall;  // range of the cylinders on whose walls it may be
     };
     struct Rough {
         PlanePose at;
@@ -40,32 +40,32 @@ class PlaneSearch {
     std::vector<SensedPlane> sensed;
     std::vector<SensedLine> lines;
     std::vector<PlaneBase> bases;
-    double within = 0;            // angle between planes of one line
-    double apart = 0, known = 0;  // distance and turn from which poses are two
+    double within = 0;            // largest angle between planes of one line
+    double apart = 0, known = 0;  // distance and turn from which poses are different
     Vec3 middle;
 
-    // of the part in question
+    // data of the current part
     const ModelFaces* faces = nullptr;
     const std::vector<double>* most = nullptr;
-    double limit = 0, behind = 0;
+    double limit = 0, gap = 0;
     size_t most_poses = 0;
     std::vector<ModelLine> model;
-    std::vector<std::vector<Shift>> table;  // of each sensed line on each of the part's, along it and against it
+    std::vector<std::vector<Shift>> table;  // shifts of each sensed line on each line of the part, along it and against it
     std::vector<char> tabled;
     std::vector<Rough> rough;
 
-    // of the attitude
+    // data of the current attitude
     const PlaneBase* base = nullptr;
     Mat3 into;  // world to part
     std::vector<Sensed> planes;
     std::vector<Option> options;
     std::vector<ModelRound> walls;
-    std::vector<Shift> along[3], rolled;
+    std::vector<Shift> along[3], wall_shifts;
     std::vector<Vec3> towards;
     ModelLine wall;
 
-    const std::vector<Shift>& ways(int line, size_t i);
-    Vec3 way(size_t i) const { return i % 2 ? -model[i / 2].way : model[i / 2].way; }
+    const std::vector<Shift>& shifts_of(int line, size_t i);
+    Vec3 direction_of(size_t i) const { return i % 2 ? -model[i / 2].direction : model[i / 2].direction; }
     double none(int line) const;
     void attitudes();
     void attitude(size_t i, size_t k);

@@ -8,19 +8,19 @@ namespace tanteo {
 namespace {
 
 constexpr double ALONG = 0.01;  // sine up to which a cylinder is along a line
-constexpr int TURNS = 8;        // about an axis with an unknown rotation
+constexpr int TURNS = 8;        // number of turns about an axis with unknown rotation
 constexpr double PI = 3.14159265358979;
 
-Vec3 across(const Vec3& x, const Vec3& way) { return x - dot(x, way) * way; }
+Vec3 across(const Vec3& x, const Vec3& direction) { return x - dot(x, direction) * direction; }
 
 }  // namespace
 
 void PlaneSearch::on_walls() {
     for (size_t i = 0; i < 2 * model.size(); ++i) {
-        if (ways(base->first, i).empty()) continue;
+        if (shifts_of(base->first, i).empty()) continue;
         for (const ModelRound& one : faces->rounds)
             for (const ModelRound& other : faces->rounds)
-                if (norm(across(one.axis, way(i))) < ALONG && norm(across(other.axis, way(i))) < ALONG)
+                if (norm(across(one.axis, direction_of(i))) < ALONG && norm(across(other.axis, direction_of(i))) < ALONG)
                     on_two_walls(i, one, other);
     }
 }
@@ -29,34 +29,34 @@ void PlaneSearch::on_walls() {
 // about it is unknown.
 void PlaneSearch::on_two_walls(size_t i, const ModelRound& one, const ModelRound& other) {
     const SensedPlane &a = sensed[base->second], &b = sensed[base->third];
-    const Vec3 &normal = lines[base->first].normal, v = way(i);
+    const Vec3 &normal = lines[base->first].normal, v = direction_of(i);
     const Vec3 first = a.at - one.sign * one.radius * unit(across(a.normal, normal));
     const Vec3 second = b.at - other.sign * other.radius * unit(across(b.normal, normal));
-    const Vec3 sensed_way = across(second - first, normal), model_way = across(other.middle - one.middle, v);
+    const Vec3 sensed_gap = across(second - first, normal), model_gap = across(other.middle - one.middle, v);
     const double known = SDS * std::hypot(std::hypot(a.sd, b.sd), std::hypot(one.radius * a.tilt, other.radius * b.tilt));
-    const double apart = norm(model_way);
-    if (std::fabs(norm(sensed_way) - apart) > known) return;
-    const bool told = apart > known;
-    const Vec3 towards = told ? unit(model_way) : any_across(v), beside = cross(v, towards);
-    const Mat3 frame = transposed(axes(normal, told ? unit(sensed_way) : any_across(normal)));
-    for (int turn = 0; turn < (told ? 1 : TURNS); ++turn) {
+    const double apart = norm(model_gap);
+    if (std::fabs(norm(sensed_gap) - apart) > known) return;
+    const bool determined = apart > known;
+    const Vec3 towards = determined ? unit(model_gap) : any_across(v), beside = cross(v, towards);
+    const Mat3 frame = transposed(axes(normal, determined ? unit(sensed_gap) : any_across(normal)));
+    for (int turn = 0; turn < (determined ? 1 : TURNS); ++turn) {
         const double angle = 2 * PI * turn / TURNS;
         const Mat3 attitude = axes(v, std::cos(angle) * towards + std::sin(angle) * beside) * frame;
         turned_to(i, attitude, {first, second}, {one.middle, other.middle});
     }
 }
 
-// The part turned so, with two places of the world on two axes of it.
+// Tries poses with an attitude and two points of the world on two axes of the part.
 void PlaneSearch::turned_to(size_t i, const Mat3& attitude, const Pair& places, const Pair& axes_at) {
     into = attitude;
     towards.assign(lines.size(), Vec3{});
-    double sum = ways(base->first, i)[0].cost, others = 0;
+    double sum = shifts_of(base->first, i)[0].cost, others = 0;
     for (int j = 0; j < static_cast<int>(lines.size()) && sum + others < limit; ++j)
         if (j != base->first) others += other(j, nullptr);
     if (sum + others >= limit) return;
     prepare();
-    const Vec3 v = way(i), u = any_across(v), direction[3] = {v, u, cross(v, u)};
-    along[0] = ways(base->first, i);
+    const Vec3 v = direction_of(i), u = any_across(v), direction[3] = {v, u, cross(v, u)};
+    along[0] = shifts_of(base->first, i);
     place(0, base->first, v);
     for (int m = 1; m < 3; ++m) {
         const Vec3 off = 0.5 * (into * (places[0] + places[1]) - (axes_at[0] + axes_at[1]));

@@ -14,7 +14,7 @@ struct Axes {  // a line and two directions across it
     explicit Axes(const Vec3& along) : e(along), y(any_across(along)), z(cross(along, y)) {}
 };
 
-// Attitude that maps the part's axes on the world's, turned about the line by an angle.
+// Attitude that maps the part's axes to the world's, turned about the line by an angle.
 Mat3 attitude(const Axes& world, const Axes& part, double c, double s) {
     Mat3 R;
     const Vec3 y = c * part.y + s * part.z, z = -s * part.y + c * part.z;
@@ -66,7 +66,7 @@ std::vector<Proposal> propose(const Shape& shape, const Problem& problem, const 
                        std::fabs(dot(na, nb) - dot(P.direction, Q.direction)) < 2.5 * effort.tilt;
             };
             partners.clear();
-            const size_t window = random.next() % seconds.size();  // samples come in no order: some in a row are some of all
+            const size_t window = random.next() % seconds.size();  // samples are in random order: consecutive ones are a random subset
             const size_t some = seconds.window();
             for (size_t k = 0; k < some; ++k) {
                 const size_t b = (window + k) % seconds.size();
@@ -80,7 +80,7 @@ std::vector<Proposal> propose(const Shape& shape, const Problem& problem, const 
             ++done;
             double first = 0, step = 2 * PI / effort.spins;
             int spins = effort.spins;
-            if (oriented) {  // the spin that turns both normals best
+            if (oriented) {  // the spin that aligns both normals best
                 double c = 0, s = 0;
                 for (int w = 0; w < 2; ++w) {
                     const Vec3 &m = w ? Q.direction : P.direction, &g = w ? nb : na;

@@ -1,4 +1,4 @@
-// Pose proposals: pairs of surface samples that are as far apart as two points, spun about their line, scored on the grid.
+// Pose proposals: pairs of surface samples at the distance of two points, turned about their line, scored on the grid.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -20,11 +20,11 @@ struct Random {  // splitmix64: the same numbers everywhere
 };
 
 struct Effort {
-    int per_pair = 250;       // pairs of samples for each pair of points
-    int spins = 24;           // about their line, without a normal
-    double tolerance = 4e-3;  // of their distance [m]
-    double blur = 4e-3;       // distance from the surface that costs one [m]
-    double tilt = 0.25;       // of a sensed normal that costs one [rad]
+    int per_pair = 250;       // number of pairs of samples for each pair of points
+    int spins = 24;           // number of turns about their line without normals
+    double tolerance = 4e-3;  // tolerance of their distance [m]
+    double blur = 4e-3;       // distance from the surface with cost 1 [m]
+    double tilt = 0.25;       // tilt of a sensed normal with cost 1 [rad]
     int keep = 40;
 };
 
@@ -33,7 +33,7 @@ struct Proposal {
     double cost;
 };
 
-// Cost of a pose: capped squares of distances on the grid and of tilts; stops where it passes the limit.
+// Cost of a pose: truncated squares of distances on the grid and of tilts; stops beyond the limit.
 double score(const Shape& shape, const Problem& problem, const std::vector<int>& rows, const Pose& pose, double blur,
              double tilt, double limit);
 
@@ -41,7 +41,7 @@ double score(const Shape& shape, const Problem& problem, const std::vector<int>&
 std::vector<Proposal> propose(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
                               const std::vector<int>& pairs, const Effort& effort, Random& random);
 
-// The best of some, none near a better one.
+// The best proposals, none near a better one.
 std::vector<Proposal> thinned(const Shape& shape, std::vector<Proposal> all, int keep, double near, double near_turn);
 
 }  // namespace tanteo

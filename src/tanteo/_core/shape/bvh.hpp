@@ -1,4 +1,4 @@
-// A tree of boxes over anything that has one: what is near a point, what a ray may meet.
+// Bounding volume hierarchy: items near a point, and items that a ray may hit.
 #pragma once
 #include <cstdint>
 #include <limits>
@@ -36,7 +36,7 @@ class Bvh {
   public:
     struct Node {
         Box box;
-        int first = 0, count = 0;  // of a leaf its items, else the first of two nodes side by side
+        int first = 0, count = 0;  // items of a leaf; otherwise the first of two consecutive child nodes
     };
     Array<Node> nodes;
     Array<int> items;
@@ -53,8 +53,8 @@ class Bvh {
         items = std::move(order);
     }
 
-    // visit(item) for all items whose box is within a distance of a point, the near side of each node first, but for
-    // those below nodes of which done(node) is true
+    // calls visit(item) for all items whose box is within a distance of a point, nearer child first; skips nodes for which
+    // done(node) is true
     template <class Done, class Visit>
     void near(const Vec3& p, double reach, Done&& done, Visit&& visit) const {
         if (nodes.empty()) return;
@@ -77,7 +77,7 @@ class Bvh {
         }
     }
 
-    // closest(item, best) returns the squared distance of an item, or anything larger than best; the least of all
+    // closest(item, best) returns the squared distance of an item, or any value above best; the least one is returned
     template <class Closest>
     double closest(const Vec3& p, double best, Closest&& closest) const {
         if (nodes.empty()) return best;
@@ -104,7 +104,7 @@ class Bvh {
     }
 
     // hit(item, nearest) returns the range of an item along a ray, or a value above nearest; the smallest is returned.
-    // Boxes are grown by a margin: then of all rays that are no farther beside this one
+    // A margin enlarges the boxes, so that all rays within this distance of the ray are covered.
     template <class Hit>
     double cast(const Vec3& origin, const Vec3& direction, double nearest, Hit&& hit, double margin = 0) const {
         if (nodes.empty()) return nearest;
@@ -117,7 +117,7 @@ class Bvh {
             for (int k = 0; k < 3; ++k) {
                 const double a = (node.box.lo[k] - margin - origin[k]) * inverse[k];
                 const double b = (node.box.hi[k] + margin - origin[k]) * inverse[k];
-                if (a != a || b != b) continue;  // along a side of the box
+                if (a != a || b != b) continue;  // parallel to a side of the box
                 enter = std::max(enter, std::min(a, b));
                 leave = std::min(leave, std::max(a, b));
             }
@@ -143,7 +143,7 @@ class Bvh {
             middles.add(0.5 * (boxes[order[k]].lo + boxes[order[k]].hi));
         }
         made[at].box = all;
-        if (end - begin <= LEAF || depth > 28) {  // the stacks hold 64: a median split is never so deep
+        if (end - begin <= LEAF || depth > 28) {  // the stacks have 64 entries: a median split is never so deep
             made[at].first = begin;
             made[at].count = end - begin;
             return;

@@ -15,7 +15,7 @@ Profile::At Profile::at(const Vec3& p, bool with_bends) const {
     At at;
     double by_out, by_axis, tube = 0;
     if (radius == 0) {
-        by_out = slope == 0 ? 1 : std::cos(slope);  // 0 for a cylinder: no sine is computed
+        by_out = slope == 0 ? 1 : std::cos(slope);  // slope 0 is a cylinder: no sine is computed
         by_axis = -(slope == 0 ? 0 : std::sin(slope));
         at.distance = sign * ((rho - offset) * by_out + height * by_axis);
     } else {
@@ -67,7 +67,7 @@ double point_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c
 
 Closest Shape::closest(const Vec3& p, int guess) const {
     Closest best = closest_of(p, guess);
-    const auto look = [&](int t, double limit) {
+    const auto squared_distance = [&](int t, double limit) {
         Vec3 q;
         const double d2 = point_triangle(p, vertices[triangles[3 * t]], vertices[triangles[3 * t + 1]],
                                          vertices[triangles[3 * t + 2]], q);
@@ -78,7 +78,7 @@ Closest Shape::closest(const Vec3& p, int guess) const {
         }
         return d2;
     };
-    triangle_tree.closest(p, best.squared, look);
+    triangle_tree.closest(p, best.squared, squared_distance);
     return best;
 }
 
@@ -100,7 +100,7 @@ int Shape::near_triangle(const Vec3& p) const {
     return grid_triangle[cell.node + (cell.f[0] > 0.5) * plane + (cell.f[1] > 0.5) * row + (cell.f[2] > 0.5)];
 }
 
-double Shape::met_at(int t, const Vec3& origin, const Vec3& direction) const {
+double Shape::hit_at(int t, const Vec3& origin, const Vec3& direction) const {
     const Vec3 &a = vertices[triangles[3 * t]], &b = vertices[triangles[3 * t + 1]], &c = vertices[triangles[3 * t + 2]];
     const Vec3 e1 = b - a, e2 = c - a, h = cross(direction, e2);  // Moeller and Trumbore 1997
     const double det = dot(e1, h);
@@ -118,14 +118,14 @@ double Shape::met_at(int t, const Vec3& origin, const Vec3& direction) const {
 double Shape::cast(const Vec3& origin, const Vec3& direction, double reach, int* triangle, int guess) const {
     int which = -1;
     if (guess >= 0) {
-        const double there = met_at(guess, origin, direction);
+        const double there = hit_at(guess, origin, direction);
         if (there < reach) {
             reach = there;
             which = guess;
         }
     }
     const double far = triangle_tree.cast(origin, direction, reach, [&](int t, double nearest) {
-        const double along = met_at(t, origin, direction);
+        const double along = hit_at(t, origin, direction);
         if (along >= nearest) return 1e300;
         which = t;
         return along;
@@ -138,7 +138,7 @@ Shape::Cell Shape::cell_of(const Vec3& p) const {
     Cell cell{0, {0, 0, 0}, 0};
     for (int k = 0; k < 3; ++k) {
         const double l = (p[k] - grid_origin[k]) / grid_step;
-        const double m = l > 0 ? std::min(l, grid_shape[k] - 1.001) : 0.0;  // 0 also for what is no number
+        const double m = l > 0 ? std::min(l, grid_shape[k] - 1.001) : 0.0;  // 0 also for nan
         const int i = static_cast<int>(m);
         cell.away += (l - m) * (l - m);
         cell.f[k] = m - i;

@@ -1,4 +1,5 @@
-// A part for the likelihood: flat pieces with their outlines, the round surfaces behind them, edges, corners.
+// Geometry of a part for the likelihood: flat pieces with outlines, the exact round surfaces that they approximate, edges,
+// corners.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -9,50 +10,51 @@
 
 namespace tanteo {
 
-// A cylinder, cone, ball or torus: a line or circle turned about an axis.
+// A cylinder, cone, sphere or torus: a line or circle rotated about an axis. min_cosine: least cosine between its normal and
+// that of a facet.
 struct Profile {
     Vec3 point, axis;
-    double offset = 0, slope = 0, radius = 0, sign = 1, alike = 1;
+    double offset = 0, slope = 0, radius = 0, sign = 1, min_cosine = 1;
 
     struct At {
-        double distance;  // signed, positive outside of the material
-        Vec3 normal;      // its gradient
+        double distance;  // signed, positive outside the material
+        Vec3 normal;      // gradient of the distance
         Vec3 e[2];        // the gradient's derivative is the sum of bend[i] e[i] e[i]'
         double bend[2];
     };
     At at(const Vec3& p, bool with_bends) const;
 };
 
-struct OutlineEdge {  // of a flat, in its plane; the inside is on the left
+struct OutlineEdge {  // edge of the outline of a flat, in its plane; the inside is on the left
     double x, y, dx, dy, length;
-    int first_bin, unused = 0;  // no padding: the bytes of a shape are the same every time
+    int first_bin, unused = 0;  // no padding, so that the bytes of a shape are reproducible
 };
 
 // Coplanar triangles of one face.
 struct Flat {
     Vec3 normal, origin, u, v;
     double offset = 0, area = 0;
-    double sagitta = 0;  // how far the round surface behind it may be off
+    double sagitta = 0;  // largest distance of the exact round surface from the flat
     double lo[2] = {1e300, 1e300}, hi[2] = {-1e300, -1e300};
-    double bin_lo = 0, bin_step = 1;  // of outline edges by y
+    double bin_lo = 0, bin_step = 1;  // bins of outline edges by y
     int face = 0, profile = -1;
-    int first_edge = 0, edges = 0;  // in Shape::outlines
-    int first_bin = 0, bins = 0;    // in Shape::bin_start, which has one more
+    int first_edge = 0, edges = 0;  // rows in Shape::outlines
+    int first_bin = 0, bins = 0;    // rows in Shape::bin_start, which has one more
 };
 
-// Flats of one face as one place: to noise that is much wider they are a normal density about their middle.
+// Facet cluster: flats of one face, which are a normal density about their middle if the noise is much wider.
 struct Place {
-    Vec3 middle, normal;  // means by area: the second is shorter than 1 where the flats are turned
-    Mat3 spread;          // covariance of where the flats are
+    Vec3 middle, normal;  // means by area; the mean normal is shorter than 1 if the flats differ in direction
+    Mat3 spread;          // covariance of the positions of the flats
     double area = 0, size = 0;
-    int face = -1, unused = 0;  // -1 for several
+    int face = -1, unused = 0;  // face: -1 for several
 };
 
-struct ConvexEdge {  // between two flats: where a ball rolls over
+struct ConvexEdge {  // between two flats, which a ball can touch
     Vec3 a, direction, normal[2], inward[2];
     double length;
     int face, unused = 0;
-    int tip[2] = {-1, -1};  // the vertices at its ends, where all edges are convex and a ball rolls over, too
+    int tip[2] = {-1, -1};  // vertices at its ends at which all edges are convex, which a ball can touch; otherwise -1
 };
 
 struct Segment {  // a straight sharp edge of the part
@@ -60,13 +62,13 @@ struct Segment {  // a straight sharp edge of the part
     double length;
 };
 
-// A landmark of the part for sensed centres: the axis of a hole or boss from end to end, or without length a point with
-// an axis (the centre of a sphere, the apex of a cone). Its code states the kind of factor (factors/registry.hpp), its
-// sizes are those that it has; the weight is its share among all of its kind.
+// A landmark of the part for sensed centres: the axis of a hole or boss from end to end, or without length a point with an
+// axis (the centre of a sphere, the apex of a cone). kind: code of the kind of factor (factors/registry.hpp); least, most:
+// range of its sizes; weight: its fraction among all landmarks of its kind.
 struct RoundAxis {
     Vec3 a, direction;
     double length, least, most, weight;
-    double least_other = 0, most_other = 0;  // of a second size
+    double least_other = 0, most_other = 0;  // range of a second size
     int hole, number, kind, unused = 0;
 };
 
@@ -84,7 +86,7 @@ struct ShapeNumbers {
     int grid_shape[3] = {0, 0, 0}, unused = 0;
 };
 
-// What a shape is made of. Triangles are rows of three vertices; their faces, and their profiles or -1.
+// Input of a shape. Triangles are rows of three vertices, each with its face, and with its profile or -1.
 struct Solid {
     std::vector<Vec3> vertices;
     std::vector<int> triangles, faces, profile_rows;
@@ -98,16 +100,16 @@ struct Solid {
 class Shape : public ShapeNumbers {
   public:
     Shape(Solid solid, int cells);
-    // from the bytes of another, which stay where they are as long as the shape
+    // from the bytes of a shape; the caller keeps them alive as long as the shape
     Shape(const unsigned char* bytes, size_t size);
     std::vector<unsigned char> bytes() const;
 
     Closest closest(const Vec3& p) const;
-    Closest closest_about(const Vec3& p) const;  // of the triangle next to the middle of its cell
-    // first triangle that a ray meets: distance (infinite for none), triangle; sooner found if it is the one guessed
+    Closest closest_about(const Vec3& p) const;  // on the triangle nearest to the nearest node of the grid
+    // first triangle that a ray hits: distance (1e300 for none) and triangle; faster if `guess` is that triangle
     double cast(const Vec3& origin, const Vec3& direction, double reach, int* triangle = nullptr, int guess = -1) const;
-    double met_at(int triangle, const Vec3& origin, const Vec3& direction) const;  // by a ray; infinite if it is not
-    // visit(triangle) for all that rays up to so far beside a ray may meet within a reach
+    double hit_at(int triangle, const Vec3& origin, const Vec3& direction) const;  // distance; 1e300 for no hit
+    // calls visit(triangle) for all triangles that rays within `beside` of a ray may hit within a reach
     template <class Visit>
     void triangles_about(const Vec3& origin, const Vec3& direction, double reach, double beside, Visit&& visit) const {
         triangle_tree.cast(origin, direction, reach, [&](int t, double nearest) { visit(t); return nearest; }, beside);
@@ -116,17 +118,17 @@ class Shape : public ShapeNumbers {
     int number_of(const RoundAxis& axis) const {
         return -2 - static_cast<int>(edges.size() + corners.size()) - axis.number;
     }
-    // The share of an element among all of its kind: of faces by area, of edges by length.
+    // The fraction of an element among all of its kind: faces by area, edges by length, corners by number.
     double measure_of(int element) const {
         const size_t at = static_cast<size_t>(-2 - element);
         if (element >= 0) return face_area[element] / area;
         if (at < edges.size()) return edges[at].length / edge_length;
         return 1.0 / std::max<size_t>(corners.size(), 1);
     }
-    // distance to the surface from the grid, not signed; rough far away
+    // unsigned distance to the surface from the grid; rough outside of it
     double field(const Vec3& p, int* flat = nullptr) const;
 
-    // visit(flat) for those near a point, but for flats of a place of which done(place) is true
+    // calls visit(flat) for flats near a point; skips clusters for which done(place) is true
     template <class Done, class Visit>
     void flats_near(const Vec3& p, double reach, Done&& done, Visit&& visit) const {
         const auto seen = [&](int node) { return done(places[flats.size() + node]); };
@@ -142,16 +144,16 @@ class Shape : public ShapeNumbers {
     Array<Vec3> normals;
     Array<Profile> profiles;
     Array<Flat> flats;
-    Array<Place> places;  // of each flat, then of each node of the tree of flats
+    Array<Place> places;  // cluster of each flat, then of each node of the tree of flats
     Array<OutlineEdge> outlines;
-    Array<int> bin_start, bin_edges;  // edges of an outline, from its first, bin by bin
+    Array<int> bin_start, bin_edges;  // edges of an outline, relative to its first, bin by bin
     Array<ConvexEdge> convex_edges;
     Array<Segment> edges;
     Array<RoundAxis> axes;
-    Array<int> face_round;  // whether a face is not flat
+    Array<int> face_round;  // whether each face is curved
     Array<Vec3> corners, hull;
     Array<double> face_area;
-    Array<Vec3> samples, sample_normals;  // of the surface, even by area
+    Array<Vec3> samples, sample_normals;  // uniform samples of the surface
 
   private:
     struct Cell {
@@ -167,7 +169,7 @@ class Shape : public ShapeNumbers {
 
     Bvh triangle_tree, flat_tree, edge_tree;
     Array<float> grid;
-    Array<int> grid_triangle;  // nearest to each node
+    Array<int> grid_triangle;  // nearest triangle to each node
 
     void make_flats(const std::vector<int>& profile_rows, std::vector<Flat>& made);
     void make_outlines(std::vector<Flat>& made);

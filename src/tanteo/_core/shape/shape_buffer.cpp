@@ -1,5 +1,4 @@
-// A shape as one run of bytes, and a shape that reads such bytes where they are. The machine's own byte order: the
-// bytes are for the machine that wrote them.
+// Serialization of a shape to bytes, and a shape that reads such bytes in place. The byte order is that of the machine.
 #include <cstddef>
 #include <cstring>
 #include <stdexcept>
@@ -12,12 +11,12 @@ namespace tanteo {
 
 namespace {
 
-constexpr uint64_t VERSION = 6;  // of what a shape holds and how it is made: raise it whenever either changes
+constexpr uint64_t VERSION = 6;  // of the contents of a shape and its construction: raise it whenever either changes
 constexpr size_t ALIGNED = 64, MOST_ARRAYS = 32;
 
 struct Head {
     char magic[8] = {'t', 'a', 'n', 't', 'e', 'o', 'S', '\n'};
-    uint64_t version = VERSION, layout = 0, size = 0, sum = 0;  // sum: of all that follows the head
+    uint64_t version = VERSION, layout = 0, size = 0, sum = 0;  // sum: checksum of all bytes
     ShapeNumbers numbers;
     struct {
         uint64_t begin, count;
@@ -25,7 +24,7 @@ struct Head {
 };
 static_assert(sizeof(Head) % 8 == 0);
 
-// Any single word that differs makes another sum: every step can be undone.
+// Any single word that differs changes the sum, because every step is invertible.
 uint64_t sum_of(const unsigned char* bytes, size_t size) {
     uint64_t h = 0x9e3779b97f4a7c15u;
     for (size_t k = 0; k < size; k += 8) {
@@ -86,10 +85,10 @@ Shape::Shape(const unsigned char* bytes, size_t size) {
     Head head, own;
     if (size < sizeof(Head)) refuse("too few bytes");
     std::memcpy(&head, bytes, sizeof(Head));
-    if (std::memcmp(head.magic, own.magic, sizeof(own.magic)) != 0) refuse("something else");
+    if (std::memcmp(head.magic, own.magic, sizeof(own.magic)) != 0) refuse("other data");
     if (head.version != VERSION) refuse("that of another version");
-    if (head.size != size || size % 8 != 0) refuse("a part of one");
-    if (reinterpret_cast<uintptr_t>(bytes) % 8 != 0) refuse("one at an odd place");
+    if (head.size != size || size % 8 != 0) refuse("an incomplete one");
+    if (reinterpret_cast<uintptr_t>(bytes) % 8 != 0) refuse("one at an unaligned address");
     if (head.sum != sum_of(head, bytes)) refuse("one that is damaged");
     static_cast<ShapeNumbers&>(*this) = head.numbers;
     uint64_t layout = 0;

@@ -1,4 +1,4 @@
-// From a mesh to a shape: flats with outlines, convex edges, the grid of distances.
+// Construction of a shape from a mesh: flats with outlines, convex edges, the grid of distances.
 #include <cmath>
 #include <map>
 #include <stdexcept>
@@ -9,7 +9,7 @@
 
 namespace tanteo {
 
-constexpr double ALIKE = 0.9999;  // least cosine between the flats of a face that is flat
+constexpr double FLAT_COSINE = 0.9999;  // least cosine between the flats of a planar face
 
 Shape::Shape(Solid solid, int cells)
     : vertices(std::move(solid.vertices)), triangles(std::move(solid.triangles)), faces(std::move(solid.faces)),
@@ -36,19 +36,19 @@ Shape::Shape(Solid solid, int cells)
     }
     diagonal = T ? norm(all.hi - all.lo) : 0;
     if (!(area > 0) || !std::isfinite(area * diagonal))
-        throw std::invalid_argument("triangles: expected some with an area, got none, or too large a one.");
+        throw std::invalid_argument("triangles: expected a positive finite area, got zero or infinity.");
     normals = std::move(across);
     face_area = std::move(areas);
     for (const Segment& e : edges) edge_length += e.length;
     triangle_tree.build(boxes);
     std::vector<Flat> made;
     make_flats(solid.profile_rows, made);
-    if (made.empty()) throw std::invalid_argument("triangles: expected some that are no slivers, got none.");
+    if (made.empty()) throw std::invalid_argument("triangles: expected at least one that is no sliver, got none.");
     std::vector<int> round(face_area.size(), 0);
     std::vector<const Flat*> first(round.size(), nullptr);
     for (const Flat& flat : made) {
         if (!first[flat.face]) first[flat.face] = &flat;
-        if (dot(flat.normal, first[flat.face]->normal) < ALIKE || flat.profile >= 0) round[flat.face] = 1;
+        if (dot(flat.normal, first[flat.face]->normal) < FLAT_COSINE || flat.profile >= 0) round[flat.face] = 1;
     }
     face_round = std::move(round);
     make_outlines(made);
@@ -68,7 +68,7 @@ void Shape::make_flats(const std::vector<int>& profile_rows, std::vector<Flat>& 
         const Vec3 &a = vertices[triangles[3 * t]], &b = vertices[triangles[3 * t + 1]],
                    &c = vertices[triangles[3 * t + 2]];
         const double own = 0.5 * norm(cross(b - a, c - a));
-        if (!(own > 1e-14 * diagonal * diagonal)) continue;  // a sliver has no normal, and nothing is on it
+        if (!(own > 1e-14 * diagonal * diagonal)) continue;  // a sliver has no reliable normal and no area
         const Vec3& n = normals[t];
         const double offset = dot(n, a);
         const Key key{faces[t], std::llround(1e5 * n.x), std::llround(1e5 * n.y), std::llround(1e5 * n.z),
@@ -100,7 +100,7 @@ void Shape::make_flats(const std::vector<int>& profile_rows, std::vector<Flat>& 
 }
 
 void Shape::make_outlines(std::vector<Flat>& made) {
-    std::map<std::tuple<int, int, int>, int> directed;  // flat, from, to: how often
+    std::map<std::tuple<int, int, int>, int> directed;  // flat, from, to: count
     const int T = static_cast<int>(faces.size());
     std::vector<Box> boxes(made.size());
     for (int t = 0; t < T; ++t) {
@@ -170,7 +170,7 @@ void Shape::make_bins(std::vector<Flat>& made, std::vector<OutlineEdge>& lines) 
     bin_edges = std::move(entries);
 }
 
-// Moments by area, about the centre: of flats from their triangles, of nodes from what is below them.
+// Moments by area about the centre: those of flats from their triangles, those of nodes from their children.
 void Shape::make_places() {
     const size_t F = flats.size();
     std::vector<Place> made(F + flat_tree.nodes.size());
@@ -193,7 +193,7 @@ void Shape::make_places() {
         made[f].face = flats[f].face;
         made[f].size = std::max(flats[f].hi[0] - flats[f].lo[0], flats[f].hi[1] - flats[f].lo[1]);
     }
-    for (size_t k = flat_tree.nodes.size(); k-- > 0;) {  // nodes come before those below them
+    for (size_t k = flat_tree.nodes.size(); k-- > 0;) {  // nodes precede their children
         const Bvh::Node& node = flat_tree.nodes[k];
         Place& place = made[F + k];
         const Vec3 size = node.box.hi - node.box.lo;
@@ -222,10 +222,10 @@ void Shape::make_convex_edges() {
         for (int j = 0; j < 3; ++j) owner[{triangles[3 * t + j], triangles[3 * t + (j + 1) % 3]}] = t;
     std::vector<Box> boxes;
     std::vector<ConvexEdge> found;
-    std::vector<int> convex(vertices.size(), 0);  // how many such edges end there; -1 if another edge does
+    std::vector<int> convex(vertices.size(), 0);  // number of convex edges at each vertex; -1 if another edge ends there
     for (const auto& [key, t] : owner) {
         const auto back = owner.find({key.second, key.first});
-        if (back == owner.end()) convex[key.first] = convex[key.second] = -1;  // where the mesh is open
+        if (back == owner.end()) convex[key.first] = convex[key.second] = -1;  // open mesh
         if (key.first > key.second || back == owner.end()) continue;
         const int s = back->second;
         if (flat_of[t] < 0 || flat_of[s] < 0 || flat_of[t] == flat_of[s]) continue;

@@ -6,11 +6,11 @@ namespace tanteo {
 
 namespace {
 
-constexpr int STEPS = 4;          // to everything that is near
-constexpr double ALMOST = 1e-14;  // variance that keeps weights finite [m2]
+constexpr int STEPS = 4;          // Gauss-Newton steps to the nearest axes and faces
+constexpr double ALMOST = 1e-14;  // variance that keeps weights finite [m^2]
 constexpr double NEVER = 1e300;
 
-// Nats of a place beside an axis, or from its point, of that covariance.
+// Cost of a position beside an axis, or beside its point, with a covariance [nats].
 double off_axis(const Vec3& off, const ModelAxis& axis, const Mat3& S) {
     if (axis.point) {
         double L[9], x[3] = {off.x, off.y, off.z};
@@ -24,7 +24,7 @@ double off_axis(const Vec3& off, const ModelAxis& axis, const Mat3& S) {
     return 0.5 * (vv * x * x - 2 * uv * x * y + uu * y * y) / std::max(uu * vv - uv * uv, 1e-60);
 }
 
-// Nats of how far along its axis a centre is.
+// Cost of the position of a centre along its axis [nats].
 double height(const ModelAxis& axis, double t, double sd) {
     const double slack = SDS * sd;
     if (std::fabs(t) < axis.wall + slack) return 0;
@@ -62,7 +62,7 @@ PlaneMatch AxisComparison::of_planes(SensedPlane plane, const Pose& pose, const 
     return match_plane(faces, plane, plane.most, pose, 0, plane.at);
 }
 
-// The axis that a centre is nearest to, as well as the pose is known; slack: how far it may be along it.
+// The cheapest axis for a centre at an uncertain pose; slack: uncertainty of the pose along axes.
 AxisComparison::Match AxisComparison::of_axes(int i, const Pose& pose, const Spread& known, const Spread& slack) const {
     const SensedCentre& c = scene.centres[i];
     const Vec3 q = into_part(pose, c.at), m = transposed_times(pose.R, c.axis);

@@ -1,4 +1,4 @@
-// Sensed centres and planes at a pose of a part: what they cost, how well they fix it, and what moves it to them.
+// Sensed centres and planes at a pose of a part: their cost, their information on the pose, and refinement of the pose.
 #pragma once
 #include <cmath>
 #include <vector>
@@ -9,21 +9,21 @@
 
 namespace tanteo {
 
-constexpr double AXIS_TURNED = 0.004;  // and so much more [rad]: made and meshed parts differ from the drawing
+constexpr double AXIS_TURNED = 0.004;  // standard deviation of made and meshed angles from the drawing [rad]
 
-// Normal equations of a pose from lengths and angles, each as a residual along one direction. Its weak prior is how far a
-// step may lead [m, rad].
+// Normal equations of a pose from lengths and angles, each a residual along one direction. The weak prior limits a step
+// [m, rad].
 struct PoseEquations : NormalEquations<6> {
     static constexpr double STEP = 0.1, TURN = 0.3;
 
     PoseEquations() { add_weak_prior(STEP, TURN); }
-    // a place of the part that is `off` along a direction from where it should be
+    // a point p of the part that is displaced by `off` along n
     void place(const Vec3& n, const Vec3& p, double off, double weight) {
         const Vec3 turn = cross(p, n);
         const double J[6] = {-n.x, -n.y, -n.z, -turn.x, -turn.y, -turn.z};
         add(J, off, weight);
     }
-    // a direction in the part that should be another one
+    // a direction in the part frame whose target is n
     void direction(const Vec3& own, const Vec3& n, double weight) {
         const Vec3 u = any_across(n), v = cross(n, u);
         for (const Vec3& e : {u, v}) {
@@ -34,11 +34,11 @@ struct PoseEquations : NormalEquations<6> {
     }
 };
 
-// How well a pose is known: what of it shows at a place, and of directions.
+// Covariance of a pose, and the resulting covariance of points and directions of the part.
 struct Spread {
     double of[36] = {};
 
-    void set(const double* L) {  // the Cholesky factor of an information
+    void set(const double* L) {  // L: Cholesky factor of the information
         for (int k = 0; k < 6; ++k) {
             double column[6] = {};
             column[k] = 1;
@@ -46,7 +46,7 @@ struct Spread {
             for (int i = 0; i < 6; ++i) of[6 * i + k] = column[i];
         }
     }
-    Mat3 at(const Vec3& q) const {  // a place moves by -v + q x w
+    Mat3 at(const Vec3& q) const {  // covariance of a point, which moves by -v + q x w
         const double J[18] = {-1, 0, 0, 0, -q.z, q.y, 0, -1, 0, q.z, 0, -q.x, 0, 0, -1, -q.y, q.x, 0};
         double JS[18] = {};
         for (int i = 0; i < 3; ++i)
@@ -59,7 +59,7 @@ struct Spread {
                 for (int k = 0; k < 6; ++k) out(i, j) += JS[6 * i + k] * J[6 * j + k];
         return out;
     }
-    double turned() const { return of[21] + of[28] + of[35]; }  // variance
+    double turned() const { return of[21] + of[28] + of[35]; }  // variance of turns [rad^2]
 };
 
 class AxisComparison {
@@ -67,10 +67,10 @@ class AxisComparison {
     AxisComparison(const ModelAxes& axes, const ModelFaces& faces, const SensedScene& scene)
         : fits(axes, scene.centres), axes(axes.all), faces(faces), scene(scene) {}
 
-    // What everything costs at a pose that is known so well; slack: how well it is known along axes and beside faces. Above
-    // the limit it is not summed to its end.
+    // Total cost at an uncertain pose [nats]; slack: its uncertainty along axes and beside faces. The sum stops above the
+    // limit.
     double cost(const Pose& pose, const Spread& known, const Spread& slack, double limit) const;
-    // Moves a pose to where everything is nearest to its axis or face.
+    // Refines a pose so that centres and planes are on their axes and faces.
     PlanePose refined(Pose pose, Spread known, double limit) const;
 
     static void add_centre(PoseEquations& at, const SensedCentre& centre, const ModelAxis& axis, const Pose& pose);

@@ -1,4 +1,4 @@
-// All factors together: the combinators outliers, furniture and label groups, then gradient and information over pose,
+// The joint likelihood of all factors: outliers, furniture and label groups, then gradient and information over pose,
 // shared errors and noise scale. Rays and priors are in prior.cpp; docs/math.md, section 15, has the formulas.
 #include "solve/likelihood.hpp"
 
@@ -6,14 +6,14 @@
 
 namespace tanteo {
 
-constexpr double LEAST_CURVED = 0.25;  // share of the expected curvature by the noise scale that steps assume at least
+constexpr double LEAST_CURVED = 0.25;  // least curvature by the noise scale that steps assume, over the expected one
 
 double Likelihood::at(const State& state, bool with_slope) {
     const int n = static_cast<int>(problem.factors.size()), K = problem.size();
     components.all.clear();
     evaluated.resize(n);
     for (int j = 0; j < n; ++j)
-        if (left_out(j))
+        if (is_excluded(j))
             evaluated[j] = {};
         else
             evaluate(state, j, with_slope);
@@ -34,7 +34,7 @@ double Likelihood::at(const State& state, bool with_slope) {
     return log;
 }
 
-// The components of factor j at a state. Shared errors z move its place by G z; the noise scale s multiplies its
+// The components of factor j at a state. Shared errors z move its position by G z; the noise scale s multiplies its
 // covariance: C = s^2 C_device + (tolerance^2 + blur^2) I.
 void Likelihood::evaluate(const State& state, int j, bool with_slope) {
     const Factor& factor = *problem.factors[j];
@@ -71,9 +71,9 @@ void Likelihood::evaluate(const State& state, int j, bool with_slope) {
     }
 }
 
-// All factors together: sum over the quadrature nodes q of the outlier rate of w_q prod_j [(1 - q) density_j + q], with
-// label groups beside it; afterwards each component has its responsibility. A label counts where nothing is blurred: a
-// face that is only near must not be shut out while a maximum is on its way.
+// Joint log density: sum over the quadrature nodes q of the outlier rate of w_q prod_j [(1 - q) density_j + q], times the
+// density of each label group. Sets the responsibility of each component. Labels are ignored while noise is blurred: a
+// label must not exclude an adjacent face before the maximization has converged.
 double Likelihood::combine() {
     const bool labelled = blur == 0;
     const size_t groups = labelled ? problem.groups.size() : 0;
@@ -87,7 +87,7 @@ double Likelihood::combine() {
         const double rate = problem.rates[k];
         double product = 1, log = 0;
         for (int j = 0; j < n; ++j) {
-            if (left_out(j) || (labelled && problem.group[j] >= 0)) continue;
+            if (is_excluded(j) || (labelled && problem.group[j] >= 0)) continue;
             product *= (1 - rate) * evaluated[j].density + rate + problem.furniture[j];
             if (product < 1e-200 || product > 1e200) {
                 log += std::log(product);
@@ -119,7 +119,7 @@ double Likelihood::combine() {
     return base + top + std::log(sum);
 }
 
-// The elements that a label may name, how probable each is beforehand, and how dense each factor is on each of them. A
+// The elements to which a label may refer, their prior probabilities, and the density of each factor on each element. A
 // factor may contradict its label at the outlier rate.
 void Likelihood::find_elements(size_t g) {
     const std::vector<int>& rows = problem.groups[g];
@@ -157,9 +157,9 @@ void Likelihood::find_elements(size_t g) {
     }
 }
 
-// Log density of the factors of a group: the sum over elements of the product, that the label means nothing, and that
-// the labelled surface is not of the part. Such labels, and outliers among labelled points, are as rare as stated: a
-// sensor may make many outliers, but labels seldom contradict each other.
+// Log density of the factors of a group: the sum of the products over the elements, of the case of a wrong label, and of
+// the case that the labelled surface is on another object. Wrong labels, and outliers among labelled points, have the
+// stated rate: a sensor may make many outliers, but labels seldom contradict each other.
 double Likelihood::log_group(size_t g, bool anywhere) {
     const std::vector<int>& rows = problem.groups[g];
     LabelGroup& group = labels[g];
@@ -176,18 +176,18 @@ double Likelihood::log_group(size_t g, bool anywhere) {
     group.logs[E + 1] = anywhere ? std::log(rare) + problem.log_elsewhere[g] : -1e300;
     top = std::max(top, group.logs[E + 1]);
     for (double& log : group.logs) sum += log = std::exp(log - top);
-    for (double& log : group.logs) log /= sum;  // now the probability of each element
+    for (double& log : group.logs) log /= sum;  // probability of each element
     return top + std::log(sum);
 }
 
-// Density of a labelled factor over that of an outlier if the label names element e; beyond the last: if it means nothing.
+// Density of a labelled factor relative to an outlier if its label refers to element e; e = number of elements: wrong label.
 double Likelihood::labelled_density(const LabelGroup& group, size_t r, size_t e, int row) const {
     const double rare = problem.mean_rate, density = evaluated[row].density;
     const double on = e < group.elements.size() ? (1 - rare) * group.on_element[r * group.elements.size() + e] : 0.0;
     return (1 - rare) * (on + rare * density) + rare + problem.furniture[row];
 }
 
-// Weight of each factor by element, then over all elements; after log_group.
+// Weight of each factor for each element, then for a wrong label; call after log_group.
 void Likelihood::weigh_elements(size_t g) {
     const std::vector<int>& rows = problem.groups[g];
     LabelGroup& group = labels[g];
@@ -221,8 +221,8 @@ void Likelihood::weigh_components(size_t g) {
 
 namespace {
 
-// How the log density of a factor follows the log of the noise scale. With r^2 the squared residual over the part of the
-// variance that is scaled, and c the codimension, d log N / d log s = r^2 - c.
+// Derivatives of the log density of a factor by the log of the noise scale s. With r^2 the squared residual over the scaled
+// part of the variance, and c the codimension, d log N / d log s = r^2 - c.
 struct ScaleSlope {
     double gradient = 0, observed = 0, expected = 0, scaled = 0;
 
@@ -236,8 +236,8 @@ struct ScaleSlope {
     }
 };
 
-// All components of a factor. The facets of one face pull a point to their middles, but do not hold it there: their
-// information is that of the mixture, less than the mean of theirs by how much their gradients differ.
+// Gradient and information of all components of a factor. The facets of one face draw a point to their middles but do not
+// constrain it there: the information is that of the mixture, the mean of theirs minus the spread of their gradients.
 LocalSlope slope_of(const Components& components, const double* weights, std::vector<int>& order, const Factor& factor,
                     double unscaled, ScaleSlope& scale) {
     LocalSlope sum;
@@ -268,7 +268,7 @@ LocalSlope slope_of(const Components& components, const double* weights, std::ve
     return sum;
 }
 
-// The chain rule from a factor's place p and direction m in the part to the states (v, w, z):
+// The chain rule from a factor's position p and direction m in the part frame to the states (v, w, z):
 //   dp = -v + y x w + R' G dz, with y = p - centre,    dm = m x w + R' H dz.
 void add_states(const LocalSlope& s, const Vec3& y, const Vec3& m, const Mat3& R, const Problem& problem, int j,
                 double* gradient, double* information) {
@@ -319,7 +319,7 @@ void add_states(const LocalSlope& s, const Vec3& y, const Vec3& m, const Mat3& R
 
 }  // namespace
 
-// Gradient and information of all factors: of each component by place and direction, then by the states.
+// Gradient and information of all factors: of each component by position and direction, then by the states.
 void Likelihood::add_factors(const State& state) {
     double scaled = 0, weight = 0, observed = 0, expected = 0;
     for (size_t j = 0; j < problem.factors.size(); ++j) {
@@ -334,7 +334,7 @@ void Likelihood::add_factors(const State& state) {
             slope_of(components, responsibility.data(), order, factor, factor.extra + blur * blur, scale);
         add_states(sum, own.p - shape.centre, own.m, state.pose.R, problem, static_cast<int>(j), gradient.data(),
                    information.data());
-        if (problem.scale_sd > 0 && blur == 0) {  // blurred noise is no device's
+        if (problem.scale_sd > 0 && blur == 0) {  // blurred noise is not that of a device
             scaled += scale.scaled;
             weight += own.inlier;
             gradient.back() += problem.scale_sd * scale.gradient;
@@ -342,7 +342,7 @@ void Likelihood::add_factors(const State& state) {
             expected += scale.expected;
         }
     }
-    // the curvature by the log of the scale, which is next to none where the scale is far too large
+    // the observed curvature by the log of the scale nearly vanishes if the scale is far too large
     if (problem.scale_sd > 0 && blur == 0)
         information.back() += problem.scale_sd * problem.scale_sd * std::max(observed, LEAST_CURVED * expected);
     scaled_share = weight > 0 ? scaled / weight : 0;

@@ -1,4 +1,4 @@
-// The log density of everything that was sensed, given a pose of the part, the shared errors and the noise scale.
+// The log density of all measurements, given a pose of the part, the shared errors and the noise scale.
 #pragma once
 #include <algorithm>
 #include <vector>
@@ -12,13 +12,13 @@ constexpr int MOST_STATES = 64;
 
 // A factor at a pose: its components, and the probability that it is no outlier.
 struct Evaluated {
-    Vec3 p, m;       // place and direction in the part
+    Vec3 p, m;       // position and direction in the part frame
     int first = 0, count = 0;
-    double density = 0;  // of the part, over that of an outlier
+    double density = 0;  // density on the part, relative to that of an outlier
     double inlier = 0;
 };
 
-// The factors of one label at a pose: the elements that the label may name.
+// The factors of one label at a pose: the elements to which the label may refer.
 struct LabelGroup {
     std::vector<int> elements;
     std::vector<double> log_prior, factor, on_element, logs, weights;
@@ -33,26 +33,26 @@ class Likelihood {
     double at(const State& state, bool with_slope);
 
     bool with_terms = true;          // whether further terms are added (PoseTerm)
-    std::vector<char> coarse;        // whether a factor counts where noise is blurred; empty: all do
+    std::vector<char> coarse;        // whether each factor counts while noise is blurred; empty: all do
     double blur = 0, blur_turn = 0;  // added to the noise of places [m] and directions [rad]: coarse to fine
     std::vector<double> gradient, information;
-    double log_points = 0;  // of the factors alone
-    std::vector<double> of_points;  // information of the factors alone, where the noise scale is a state
-    double scaled_share = 0;        // share of their variance that the noise scale multiplies
+    double log_points = 0;  // log density of the factors alone
+    std::vector<double> of_points;  // information of the factors alone, if the noise scale is a state
+    double scaled_share = 0;        // fraction of their variance that the noise scale multiplies
     std::vector<Evaluated> evaluated;
     Components components;
 
-    // log density of a label group if its element is on the part, over that of as many outliers; after at()
+    // log density of a label group if its element is on the part, relative to outliers; call after at()
     double log_on_part(size_t g) { return log_group(g, false); }
 
   private:
     const Shape& shape;
     const Problem& problem;
     std::vector<double> node_log, responsibility;
-    std::vector<int> order;  // of the components of a factor
+    std::vector<int> order;  // components of a factor by element
     std::vector<LabelGroup> labels;
 
-    bool left_out(int j) const { return blur > 0 && !coarse.empty() && !coarse[j]; }
+    bool is_excluded(int j) const { return blur > 0 && !coarse.empty() && !coarse[j]; }
     void evaluate(const State& state, int j, bool with_slope);
     double combine();
     void find_elements(size_t g);

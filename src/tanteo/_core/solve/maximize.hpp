@@ -8,7 +8,7 @@
 //
 // A caller that compares values rejects a step that does not raise the function; the damping then grows, and W only limits
 // steps. A caller whose function changes at every step, because a kernel shrinks or features are matched again, takes
-// every step: this is Gauss-Newton.
+// every step: this is the Gauss-Newton method.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -17,8 +17,8 @@
 
 namespace tanteo {
 
-// The information of a weak prior on state i of a pose: standard deviations of a shift and of a turn [rad]. It carries no information
-// about states that are not the pose's.
+// Information of a weak prior on state i: shift [m] and turn [rad] are standard deviations of the pose; zero for states
+// other than the pose.
 inline double weak_prior(int i, double shift, double turn) {
     if (i > 5) return 0;
     const double root = 1 / (i < 3 ? shift : turn);
@@ -54,9 +54,9 @@ struct Damping {
 
 enum class Attempt { REJECTED, TAKEN, LAST };
 
-// Runs at most so many steps from `at`, which has the information (row-major, lower triangle) and the gradient at the state.
-// Returns whether they ended before: at the last one, or since no step was taken even at the largest damping.
-//     damped(i, diagonal, damping)    what is added to H_ii, which is `diagonal`: damping and weak prior
+// Runs at most `steps` steps from `at`, which has the information (row-major, lower triangle) and the gradient at the state.
+// Returns whether it converged: `attempt` returned LAST, or even the largest damping gave no step.
+//     damped(i, diagonal, damping)    returns the addition to H_ii, which is `diagonal`: damping and weak prior
 //     attempt(step, predicted, L)     takes the step and recomputes `at`, or rejects it. A quadratic function would gain
 //                                     half of `predicted`; L is the Cholesky factor.
 template <class Linear, class Damped, class Try>
@@ -83,7 +83,7 @@ bool maximize(Linear& at, int steps, const Damping& rule, Damped&& damped, Try&&
     return false;
 }
 
-// Takes so many Gauss-Newton steps: linearize(k) returns the normal equations of step k, with their weak prior, and
+// Takes a number of Gauss-Newton steps: linearize(k) returns the normal equations of step k, with their weak prior, and
 // take(step, L) moves the state.
 template <class Linearize, class Take>
 void gauss_newton(int steps, Linearize&& linearize, Take&& take) {

@@ -7,21 +7,21 @@ namespace tanteo {
 
 namespace {
 
-constexpr int STEPS = 4;        // of Gauss and Newton
+constexpr int STEPS = 4;        // Gauss-Newton steps
 constexpr double FAR = 1e3;     // weak prior on a shift [m] and on a turn [rad]: it only keeps the equations solvable
-constexpr double ROUND = 2e-4;  // how far a cylinder may be off its mesh, about [m]
+constexpr double ROUND = 2e-4;  // typical distance of a cylinder from its mesh [m]
 
 }  // namespace
 
 WallMatch on_wall(const ModelRound& round, const Vec3& normal, const Vec3& point, double variance, double tilt2, double most) {
     WallMatch out{most, false, {}, 0};
     const Vec3 off = point - round.middle;
-    const double t = dot(off, round.axis), v = variance + ROUND * ROUND, room = std::fabs(t) - round.half;
-    if (room > 0 && room * room > SDS * SDS * v) return out;
+    const double t = dot(off, round.axis), v = variance + ROUND * ROUND, beyond = std::fabs(t) - round.half;
+    if (beyond > 0 && beyond * beyond > SDS * SDS * v) return out;
     const Vec3 across = off - t * round.axis;
     const double d2 = squared(across), c = round.sign * dot(normal, across);
     if (c <= 0) return out;
-    // where the point is around the axis is known as well as the point is: the normal of the wall there
+    // the normal of the wall turns with the position of the point about the axis
     const double turn2 = tilt2 + v / (round.radius * round.radius);
     const double d = std::sqrt(d2), h = d - round.radius, turned = 1 - c / d, cost = 0.5 * h * h / v + turned / turn2;
     if (!(cost < most) || turned > 0.5 * SDS * SDS * turn2) return out;
@@ -42,15 +42,15 @@ PlaneMatch match_plane(const ModelFaces& faces, const SensedPlane& plane, double
         const Vec3 off = p - face.centre;
         const double h = dot(off, face.normal), h2 = h * h, cost = 0.5 * h2 / sd2 + (1 - c) / tilt2;
         if (!(cost < best.cost)) continue;
-        const double room = face.reach + 0.5 * plane.span + SDS * std::sqrt(sd2);
-        if (squared(off) - h2 > room * room) continue;
+        const double reach = face.reach + 0.5 * plane.span + SDS * std::sqrt(sd2);
+        if (squared(off) - h2 > reach * reach) continue;
         best = {cost, true, face.normal, h, {}, 0};
     }
     for (size_t r = 0; plane.alone && r < faces.rounds.size(); ++r) {
         const ModelRound& round = faces.rounds[r];
-        const WallMatch met = on_wall(round, n, p, sd2, tilt2, best.cost);
-        if (met.found)
-            best = {met.cost, true, met.normal, met.height, round.axis, round.sign / (round.radius + round.sign * met.height)};
+        const WallMatch wall = on_wall(round, n, p, sd2, tilt2, best.cost);
+        if (wall.found)
+            best = {wall.cost, true, wall.normal, wall.height, round.axis, round.sign / (round.radius + round.sign * wall.height)};
     }
     return best;
 }
@@ -71,7 +71,7 @@ NormalEquations<6> PlaneFit::equations(const Pose& pose, double turned, const Ve
     return at;
 }
 
-// The own normal turns by -w x n in the part; that of a wall turns, too, as the place on it moves around its axis.
+// The sensed normal turns by -w x n in the part frame. The normal of a wall turns as the point moves about its axis.
 void PlaneFit::add_tilt(const PlaneMatch& to, const Vec3& own, const Vec3& at, double weight,
                         NormalEquations<6>& equations) const {
     const Vec3 first = to.bend != 0 ? to.axis : any_across(to.normal), second = cross(to.normal, first);

@@ -1,4 +1,4 @@
-// Sensed planes at a pose of a part: what each costs there, and the pose nearby at which all are nearest to faces.
+// Sensed planes at a pose of a part: the cost of each, and refinement of the pose so that they are on faces.
 #pragma once
 #include <vector>
 
@@ -7,8 +7,8 @@
 
 namespace tanteo {
 
-// The least that a plane costs, and of which surface it is then, if of any: its normal in the part, how far off it is, and
-// how a wall bends, across its axis: the normal turns by so much for each metre.
+// Least cost of a plane [nats], and the surface with that cost, if there is one: normal in the part frame, distance from it
+// (height) [m], and for a wall its axis and its curvature (bend) across the axis [1/m].
 struct PlaneMatch {
     double cost;
     bool found;
@@ -18,7 +18,8 @@ struct PlaneMatch {
     double bend;
 };
 
-// One sensed plane at a pose whose attitude is known so well about a point [rad]. Most: cost without a face [nats].
+// Matches one sensed plane at a pose. turned: standard deviation of the attitude about a point [rad]; most: cost without a
+// face [nats].
 PlaneMatch match_plane(const ModelFaces& faces, const SensedPlane& plane, double most, const Pose& pose, double turned,
                        const Vec3& about);
 
@@ -27,7 +28,7 @@ class PlaneFit {
     PlaneFit(const ModelFaces& faces, const std::vector<SensedPlane>& sensed, const std::vector<double>& most)
         : faces(faces), sensed(sensed), most(most) {}
 
-    // Moves a pose, whose attitude is known so well about a point [rad], to where the planes are on their faces.
+    // Refines a pose so that the planes are on their faces. turned: standard deviation of the attitude about a point [rad].
     PlanePose refined(Pose pose, double turned, const Vec3& about) const;
 
   private:
@@ -40,8 +41,8 @@ class PlaneFit {
                   NormalEquations<6>& equations) const;
 };
 
-// A point with its normal on the wall of a cylinder: nats, if they are less than most; the normal of the wall there, and how
-// far off it is.
+// A point with its normal on the wall of a cylinder: cost [nats] if it is below `most`, normal of the wall there, and
+// distance of the point from it [m].
 struct WallMatch {
     double cost;
     bool found;

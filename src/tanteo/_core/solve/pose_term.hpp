@@ -1,5 +1,5 @@
-// One additional term of the log density: anything that depends on the pose and the shared errors, and is no row of
-// points, rays or priors. Images, a prior of stable poses and functions of a user are such terms.
+// An additional term of the log density, a function of the pose and the shared errors: an image, a prior of stable poses,
+// or a function of a user.
 #pragma once
 #include <vector>
 
@@ -13,14 +13,14 @@ struct State {
     std::vector<double> z;  // shared errors, then the noise scale if it is a state
 };
 
-// Where a term adds its gradient and its Gauss-Newton information: states are [v, w] about `centre` (see `moved` in
+// Sums to which a term adds its gradient and Gauss-Newton information: states are [v, w] about `centre` (`moved` in
 // vec.hpp), then z. The information is row-major, size x size; its lower triangle is enough.
 struct Slope {
     Vec3 centre;
     int size = 0;
     double *gradient = nullptr, *information = nullptr;
 
-    // Add one residual: `pull` is the derivative of the log density by the residual, `weight` its information, `row` the
+    // Adds one residual: `pull` is the derivative of the log density by the residual, `weight` its information, `row` the
     // derivative of the residual by the states in `columns`.
     void add(double pull, double weight, const double* row, const int* columns, int count) const {
         for (int a = 0; a < count; ++a) {
@@ -35,15 +35,15 @@ struct Slope {
 class PoseTerm {
   public:
     virtual ~PoseTerm() = default;
-    // Return the log density at a state; add its slope where one is given.
+    // Returns the log density at a state, and adds its slope if one is given.
     virtual double add(const State& state, const Slope* slope) const = 0;
-    // Return the log densities at many states.
+    // Returns the log densities at many states.
     virtual std::vector<double> values(const std::vector<State>& states) const {
         std::vector<double> out;
         for (const State& state : states) out.push_back(add(state, nullptr));
         return out;
     }
-    // Return how many entries of z the term reads, from the first.
+    // Returns the number of entries of z that the term reads, from the first.
     virtual int columns() const { return 0; }
 };
 

@@ -6,10 +6,10 @@ namespace tanteo {
 
 namespace {
 
-// The noise scale is known to a factor f: its log l has the density exp(-(l / 2 log f)^4), flat within f either way and
-// next to nothing beyond f^4; z = l / log f. What is farther off is no noise, and has another cause.
+// The noise scale is known to a factor f: its log l has the density exp(-(l / 2 log f)^4), flat within f in both directions
+// and negligible beyond f^4; z = l / log f. Larger residuals have another cause than noise.
 constexpr double SCALE_NORM = 0.36908399149;  // log of its integral over z, over that of exp(-z^2 / 2)
-constexpr double LEAST_TOLD = 0.74;     // one over its variance
+constexpr double LEAST_INFORMATION = 0.74;  // one over its variance
 
 }  // namespace
 
@@ -35,15 +35,16 @@ double Likelihood::add_rays(const State& state) {
         double passed = passes(along) ? 1 : 0;
         if (passed == 0 && ray.slope > 0) {  // a cone: rays of equal moments with the disc, the middle one counts half
             const Vec3 u = any_across(along), v = cross(along, u);
-            for (const Vec3& aside : {u, v, -u, -v})
-                if (passes(unit(along + 2 * ray.slope * aside))) passed += 0.125;
+            for (const Vec3& across : {u, v, -u, -v})
+                if (passes(unit(along + 2 * ray.slope * across))) passed += 0.125;
         }
         log += std::log(problem.mean_rate + (1 - 2 * problem.mean_rate) * passed);
     }
     return log;
 }
 
-// Shared errors and noise scale are unit normal; the pose has a mixture of normal densities; the part stands on a table.
+// Priors: shared errors are unit normal, the noise scale is flat within a factor, the pose has a mixture of normal
+// densities, and the part may stand on a table.
 double Likelihood::add_priors(const State& state, bool with_slope) {
     const int K = problem.size();
     double log = 0;
@@ -58,7 +59,7 @@ double Likelihood::add_priors(const State& state, bool with_slope) {
         log -= z * z * z * z / 16 + SCALE_NORM;
         if (with_slope) {
             gradient.back() -= z * z * z / 4;
-            information.back() += std::max(0.75 * z * z, LEAST_TOLD);
+            information.back() += std::max(0.75 * z * z, LEAST_INFORMATION);
         }
     }
     if (!problem.priors.empty()) log += add_pose_prior(state.pose, with_slope);
@@ -66,7 +67,7 @@ double Likelihood::add_priors(const State& state, bool with_slope) {
     return log;
 }
 
-// Residuals r that count by a share, and how they follow small motions of the part: rows by v and w at the centre.
+// Adds residuals r with a weight, and their derivatives by small motions of the part: rows by v and w at the centre.
 void Likelihood::add_residuals(double share, const double* r, const double* rows, int count) {
     const int K = problem.size();
     for (int i = 0; i < count; ++i)

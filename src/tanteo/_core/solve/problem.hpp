@@ -1,4 +1,4 @@
-// What was sensed and what is known beforehand: packed once, read many times.
+// Measurements and priors of an inference, compiled once and read many times.
 #pragma once
 #include <memory>
 #include <vector>
@@ -26,14 +26,14 @@ struct Table {
     double sd = 0;
 };
 
-// The factors, and what the combinators around them need: labels, outliers, furniture, shared errors, noise scale.
+// The factors, and the data of their joint model: labels, outliers, furniture, shared errors, noise scale.
 struct Problem {
     std::vector<std::shared_ptr<const Factor>> factors;
-    std::vector<double> furniture;        // density on known furniture over that of an outlier, times the odds of it
+    std::vector<double> furniture;        // density on known furniture relative to an outlier, times its prior odds
     std::vector<int> group;               // label group of each factor, -1 for none
     std::vector<std::vector<int>> groups;  // rows of factors, one label group each
-    std::vector<double> log_elsewhere;    // log density of a group that is off the part, over that of as many outliers
-    std::vector<double> shared_jacobian;  // (n, 3, D): true place = place + jacobian z
+    std::vector<double> log_elsewhere;    // log density of a group on another object, relative to outliers
+    std::vector<double> shared_jacobian;  // (n, 3, D): true position = position + jacobian z
     std::vector<double> direction_jacobian;  // (n, 3, D): true direction = direction + jacobian z; empty: none moves
     std::vector<FreeRay> rays;
     std::vector<double> ray_shifts, ray_turns;  // (m, 3, D)
@@ -44,7 +44,7 @@ struct Problem {
     std::vector<PosePrior> priors;
     bool has_table = false;
     Table table;
-    std::vector<std::shared_ptr<const PoseTerm>> terms;  // of images and others: added to the log density
+    std::vector<std::shared_ptr<const PoseTerm>> terms;  // further terms of the log density, such as images
 
     int size() const { return 6 + shared + (scale_sd > 0); }
     const double* place_jacobian(int j) const { return &shared_jacobian[static_cast<size_t>(j) * 3 * shared]; }

@@ -1,4 +1,4 @@
-// Which of the fits from several starts is the one, and whether the points leave it open.
+// Choice among the fits from several starts, and whether the points admit another one.
 #include <algorithm>
 
 #include "solve/rounds.hpp"
@@ -9,23 +9,24 @@ namespace tanteo {
 namespace {
 
 constexpr int PASSES = 60, TRIAL_PASSES = 10;
-constexpr double SETTLED = 1e-14, TRIAL_SETTLED = 1e-3;  // so many steps, or steps down to that, show which is the best
-constexpr double IMPOSSIBLE = 1e9;  // added to the sum of squares of a fit that sides rule out
+constexpr double CONVERGED = 1e-14, TRIAL_CONVERGED = 1e-3;  // largest last step; trials only rank the starts
+constexpr double IMPOSSIBLE = 1e9;  // added to the sum of squares of a fit that contradicts the sides
 
-// Of fits that are as good, those whose normals the touches graze (a share of the best mean cosine) are ruled out by one
-// that they met squarely. Touches from all around (the mean of their directions is short) are made square to a wall: then
-// less is enough. Touches all from one side say nothing of normals, but on which side the material is.
-constexpr double GRAZING = 0.5, SQUARE = 0.93, AROUND = 0.7;
-constexpr double ELSEWHERE = 0.02;  // two fits differ by this share of the size, or radians of the axis, beyond five sd
+// Among equally good fits, one whose normals are along the touch directions rules out those with grazing touches: those
+// with a mean cosine below a fraction of the best one, GRAZING. Touches from all sides (the mean of their directions is
+// shorter than ALL_SIDES) are made along the normals of a wall, so that the fraction is SQUARE. Touches from one side only
+// determine the side of the material.
+constexpr double GRAZING = 0.5, SQUARE = 0.93, ALL_SIDES = 0.7;
+constexpr double ELSEWHERE = 0.02;  // different fits differ by this fraction of the size, or angle of the axis [rad], beyond 5 sd
 
 struct Trial {
     RoundState state;
     RoundLinear at;
-    bool rest = false;
+    bool converged = false;
     double score = 0, squareness = 1;
 };
 
-// Mean cosine of the known sides to the normals; -1 if they do not all point away, or all towards.
+// Mean cosine between known sides and normals; -1 if they do not all point away from the axis, or all towards it.
 double squareness_of(const RoundTask& task, const RoundLinear& at) {
     if (task.outward.empty()) return 1;
     bool away = true, towards = true;
@@ -49,7 +50,7 @@ double grazing_of(const RoundTask& task) {
         sum += v;
         length += norm(v);
     }
-    return !task.outward.empty() && norm(sum) / std::max(length, 1e-300) < AROUND ? SQUARE : GRAZING;
+    return !task.outward.empty() && norm(sum) / std::max(length, 1e-300) < ALL_SIDES ? SQUARE : GRAZING;
 }
 
 double as_good(const RoundTask& task, double chi2) { return std::max(chi2 + task.as_good, task.limit); }
@@ -89,13 +90,13 @@ void invert(RoundFit& fit) {
                                         std::max(found.values[k], 1e-14);
 }
 
-// Whether another fit is elsewhere than this one, whose standard deviations are known.
+// Whether another fit differs from this one by more than its standard deviations sd.
 bool elsewhere(const RoundTask& task, const RoundState& own, const RoundState& other, const std::vector<double>& sd) {
     const int m = static_cast<int>(task.rows.size());
     const auto largest = [&](int from, int to) { return *std::max_element(sd.begin() + from, sd.begin() + to); };
     if (std::fabs(other.s - own.s) > std::max(ELSEWHERE * own.s, 5 * sd[m])) return true;
     const Vec3 u{own.R(0, 2), own.R(1, 2), own.R(2, 2)}, v{other.R(0, 2), other.R(1, 2), other.R(2, 2)};
-    if (task.kind != RoundKind::CONE) {  // whose place is far from its points
+    if (task.kind != RoundKind::CONE) {  // the apex of a cone is far from its points
         const bool line = task.kind == RoundKind::CYLINDER;
         Vec3 gap = other.c - own.c;
         if (line) gap = gap - dot(gap, u) * u;
@@ -105,7 +106,7 @@ bool elsewhere(const RoundTask& task, const RoundState& own, const RoundState& o
     return std::acos(std::min(std::fabs(dot(u, v)), 1.0)) > std::max(ELSEWHERE, 5 * largest(m - 2, m));
 }
 
-// The size of another fit that the points do not rule out: of the one with the most different size.
+// The most different size among other fits that the points do not rule out; nan without one.
 double rival_of(const RoundTask& task, const RoundFit& fit, const std::vector<Trial>& trials) {
     const int M = fit.at.M, m = static_cast<int>(task.rows.size());
     std::vector<double> sd(m + 1, 0.0);
@@ -113,7 +114,7 @@ double rival_of(const RoundTask& task, const RoundFit& fit, const std::vector<Tr
     const double limit = as_good(task, fit.at.chi2);
     double size = std::nan("");
     for (const Trial& one : trials) {
-        if (!one.rest || !(one.score < limit) || !elsewhere(task, fit.state, one.state, sd)) continue;
+        if (!one.converged || !(one.score < limit) || !elsewhere(task, fit.state, one.state, sd)) continue;
         if (!(std::fabs(one.state.s - fit.state.s) <= std::fabs(size - fit.state.s))) size = one.state.s;
     }
     return size;
@@ -131,14 +132,14 @@ RoundFit fit_round(const RoundTask& task) {
     } else {
         for (const RoundState& start : starts) {
             Trial one{start, linearize(task, start)};
-            one.rest = settle_round(task, one.state, one.at, TRIAL_PASSES, TRIAL_SETTLED);
+            one.converged = refine_round(task, one.state, one.at, TRIAL_PASSES, TRIAL_CONVERGED);
             trials.push_back(std::move(one));
         }
         const Trial& best = trials[best_of(task, trials)];
         fit.state = best.state;
         fit.at = best.at;
     }
-    fit.settled = settle_round(task, fit.state, fit.at, PASSES, SETTLED);
+    fit.converged = refine_round(task, fit.state, fit.at, PASSES, CONVERGED);
     invert(fit);
     fit.rival = rival_of(task, fit, trials);
     return fit;

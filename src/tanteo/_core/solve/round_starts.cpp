@@ -1,4 +1,4 @@
-// Where the fit of a round feature begins: algebraic circles and spheres, axes among even directions or of normals.
+// Starts of the fit of a round feature: algebraic circles and spheres, axes among uniform directions or from normals.
 #include <algorithm>
 #include <array>
 #include <numeric>
@@ -11,15 +11,15 @@ namespace tanteo {
 namespace {
 
 constexpr int DIRECTIONS = 100;
-constexpr int CYLINDERS = 5, CONES = 8;  // starts
-constexpr double LARGE = 25;             // a radius that is larger than so many spreads of the points is that of a plane
-constexpr double LEAST_SLOPE = 0.02;     // of the radius of a cone along its axis, at the start
-constexpr double APART = 0.96592582628906831;  // cosine of 15 degrees: axes of two starts are farther from each other
+constexpr int CYLINDERS = 5, CONES = 8;  // number of starts
+constexpr double LARGE = 25;             // radius over the spread of the points beyond which they are on a plane
+constexpr double LEAST_SLOPE = 0.02;     // least slope of the radius of a cone along its axis at the start
+constexpr double APART = 0.96592582628906831;  // cosine of 15 degrees, the least angle between axes of two starts
 constexpr double NOWHERE = 1e100;
 
 struct Spread {
     Vec3 mean;
-    Vec3 along[3];  // least first
+    Vec3 along[3];  // principal directions, that of the least spread first
 };
 
 Spread spread_of(const std::vector<Vec3>& points) {
@@ -91,7 +91,7 @@ double algebraic(const std::vector<Vec3>& points, Vec3& centre) {
     return std::sqrt(std::max(square, 1e-12)) * scale;
 }
 
-std::vector<Vec3> seen_from(const std::vector<Vec3>& points, const Vec3& mean, const Mat3& R) {
+std::vector<Vec3> in_frame(const std::vector<Vec3>& points, const Vec3& mean, const Mat3& R) {
     std::vector<Vec3> out;
     out.reserve(points.size());
     for (const Vec3& p : points) out.push_back(transposed_times(R, p - mean));
@@ -101,7 +101,7 @@ std::vector<Vec3> seen_from(const std::vector<Vec3>& points, const Vec3& mean, c
 RoundState circle_across(const std::vector<Vec3>& points, const Vec3& mean, const Mat3& R) {
     RoundState out;
     Vec3 centre;
-    out.s = algebraic<2>(seen_from(points, mean, R), centre);
+    out.s = algebraic<2>(in_frame(points, mean, R), centre);
     out.R = R;
     out.c = mean + R * centre;
     return out;
@@ -113,7 +113,7 @@ std::vector<RoundState> on_either_side(const RoundTask& task, const std::vector<
     std::vector<RoundState> out;
     for (const int sign : {1, -1})
         for (const RoundState& start : starts) {
-            const std::vector<Vec3> local = seen_from(task.points, mean, start.R);
+            const std::vector<Vec3> local = in_frame(task.points, mean, start.R);
             std::vector<double> C(d * d, 0.0);
             for (const Vec3& p : local)
                 for (int i = 0; i < d; ++i)
@@ -131,16 +131,16 @@ std::vector<RoundState> on_either_side(const RoundTask& task, const std::vector<
     return out;
 }
 
-// A start on an axis, and how far the points miss it.
-struct Tried {
+// A start on an axis, and the root mean square distance of the points from it.
+struct Trial {
     RoundState state;
     double misfit = 0;
 };
 
 double root_mean_square(double sum, size_t n) { return std::sqrt(sum / static_cast<double>(n)); }
 
-Tried cylinder_on(const std::vector<Vec3>& points, const Vec3& mean, const Mat3& R) {
-    const std::vector<Vec3> local = seen_from(points, mean, R);
+Trial cylinder_on(const std::vector<Vec3>& points, const Vec3& mean, const Mat3& R) {
+    const std::vector<Vec3> local = in_frame(points, mean, R);
     Vec3 centre;
     const double r = algebraic<2>(local, centre);
     double off = 0, size = 0;
@@ -150,7 +150,7 @@ Tried cylinder_on(const std::vector<Vec3>& points, const Vec3& mean, const Mat3&
         size += squared(p);
     }
     size = root_mean_square(size, local.size());
-    Tried out;
+    Trial out;
     out.state.R = R;
     out.state.c = mean + R * centre;
     out.state.s = std::min(r, LARGE * size);
@@ -158,10 +158,10 @@ Tried cylinder_on(const std::vector<Vec3>& points, const Vec3& mean, const Mat3&
     return out;
 }
 
-// The cone on an axis: its place from x^2 + y^2 = 2 a x + 2 b y + m z + n, then rho = k z + l. Also two rings of points,
-// where a term in z^2 is not determined, have both.
-Tried cone_on(const std::vector<Vec3>& points, const Vec3& mean, const Mat3& R) {
-    std::vector<Vec3> local = seen_from(points, mean, R);
+// The cone on an axis: its position from x^2 + y^2 = 2 a x + 2 b y + m z + n, then rho = k z + l. Two rings of points, which
+// do not determine a term in z^2, determine both.
+Trial cone_on(const std::vector<Vec3>& points, const Vec3& mean, const Mat3& R) {
+    std::vector<Vec3> local = in_frame(points, mean, R);
     double scale = 0;
     for (const Vec3& p : local) scale += squared(p);
     scale = root_mean_square(scale, local.size());
@@ -176,7 +176,7 @@ Tried cone_on(const std::vector<Vec3>& points, const Vec3& mean, const Mat3& R) 
     const auto l = line.solve(1e-10);
     const double into = l[0] < 0 ? -1 : 1, k = std::clamp(std::fabs(l[0]), LEAST_SLOPE, 1 / LEAST_SLOPE);
     const double apex = std::clamp(-into * l[1] / k, -LARGE, LARGE);
-    Tried out;
+    Trial out;
     out.state.s = std::atan(k);
     double off = 0;
     for (const Vec3& p : local) {
@@ -190,7 +190,7 @@ Tried cone_on(const std::vector<Vec3>& points, const Vec3& mean, const Mat3& R) 
     return out;
 }
 
-// The direction with which all sensed normals make the same angle, a right one for cylinders; none of too few.
+// The direction that has the same angle to all sensed normals, 90 degrees for cylinders; false if there are too few.
 bool axis_of_normals(const RoundTask& task, Vec3& axis) {
     std::vector<Vec3> known;
     for (const Vec3& n : task.normals)
@@ -208,7 +208,7 @@ bool axis_of_normals(const RoundTask& task, Vec3& axis) {
     return true;
 }
 
-// Even directions on half a sphere (a Fibonacci lattice), the principal ones of the points, and that of sensed normals.
+// Uniform directions on a half sphere (a Fibonacci lattice), the principal ones of the points, and that of the normals.
 std::vector<Vec3> axes_to_try(const RoundTask& task, const Spread& spread) {
     std::vector<Vec3> axes;
     for (int k = 0; k < DIRECTIONS; ++k) {
@@ -222,22 +222,22 @@ std::vector<Vec3> axes_to_try(const RoundTask& task, const Spread& spread) {
     return axes;
 }
 
-// The starts on the best axes that are apart from each other.
+// The starts on the best axes that differ by at least the angle of APART.
 std::vector<RoundState> on_axes(const RoundTask& task, const Spread& spread) {
     const std::vector<Vec3> axes = axes_to_try(task, spread);
     const auto on = task.kind == RoundKind::CYLINDER ? cylinder_on : cone_on;
-    std::vector<Tried> tried;
-    for (const Vec3& axis : axes) tried.push_back(on(task.points, spread.mean, frame_along(axis)));
+    std::vector<Trial> trials;
+    for (const Vec3& axis : axes) trials.push_back(on(task.points, spread.mean, frame_along(axis)));
     std::vector<RoundState> chosen;
     const size_t count = task.kind == RoundKind::CYLINDER ? CYLINDERS : CONES;
     while (chosen.size() < count) {
         size_t best = 0;
-        for (size_t k = 1; k < tried.size(); ++k)
-            if (tried[k].misfit < tried[best].misfit) best = k;
-        if (!chosen.empty() && !(tried[best].misfit < NOWHERE)) break;
-        chosen.push_back(tried[best].state);
-        for (size_t k = 0; k < tried.size(); ++k)
-            if (k == best || std::fabs(dot(axes[k], axes[best])) > APART) tried[k].misfit = INFINITY;
+        for (size_t k = 1; k < trials.size(); ++k)
+            if (trials[k].misfit < trials[best].misfit) best = k;
+        if (!chosen.empty() && !(trials[best].misfit < NOWHERE)) break;
+        chosen.push_back(trials[best].state);
+        for (size_t k = 0; k < trials.size(); ++k)
+            if (k == best || std::fabs(dot(axes[k], axes[best])) > APART) trials[k].misfit = INFINITY;
     }
     return chosen;
 }
@@ -256,7 +256,7 @@ std::vector<RoundState> round_starts(const RoundTask& task) {
     } else if (task.kind == RoundKind::SPHERE) {
         RoundState start;
         Vec3 centre;
-        start.s = algebraic<3>(seen_from(task.points, spread.mean, identity()), centre);
+        start.s = algebraic<3>(in_frame(task.points, spread.mean, identity()), centre);
         start.c = spread.mean + centre;
         starts = {start};
     } else {

@@ -1,4 +1,4 @@
-// The likelihood of a round feature at a state, and the steps to its maximum.
+// The likelihood of a round feature at a state, and its maximization.
 #include "solve/rounds.hpp"
 
 #include <algorithm>
@@ -9,22 +9,22 @@ namespace tanteo {
 
 namespace {
 
-constexpr int FEET = 4;           // passes to the true places of points that are not as well known in all directions
-constexpr double NEAR = 1e-2;     // a step so small, squared and in standard deviations, is taken in full
-constexpr double UPHILL = 1e-6;   // share by which the sum of squares may grow: weights are held during a step
-constexpr double ROUNDING = 1e-13;  // share of an information that keeps a singular one positive definite
+constexpr int FEET = 4;           // iterations to the true positions of points with anisotropic noise
+constexpr double NEAR = 1e-2;     // predicted gain below which a step is always taken
+constexpr double UPHILL = 1e-6;   // relative growth of the sum of squares that is accepted: weights are fixed during a step
+constexpr double ROUNDING = 1e-13;  // fraction of an information that keeps a singular one positive definite
 constexpr double TINY = 1e-300;
 constexpr double LARGEST_TURN = 0.5;
 
-// About z: distance, unit vector away from the axis, and the curvature of a cylinder about it.
+// Distance from the z axis, unit vector away from it, and curvature of a cylinder about it.
 struct Radial {
     double rho;
     Vec3 e;
-    Mat3 around;
+    Mat3 curvature;
     explicit Radial(const Vec3& p) : rho(std::hypot(p.x, p.y)) {
         e = {p.x / std::max(rho, TINY), p.y / std::max(rho, TINY), 0};
         const Vec3 t{-e.y, e.x, 0};
-        add_outer(around, 1 / std::max(rho, TINY), t, t);
+        add_outer(curvature, 1 / std::max(rho, TINY), t, t);
     }
 };
 
@@ -35,7 +35,7 @@ RoundDistance of_cone(const Vec3& p, double s) {
     d.F[0] = r.rho * c - p.z * t;
     d.G[0] = {c * r.e.x, c * r.e.y, -t};
     d.by_size[0] = -r.rho * t - p.z * c;
-    for (int i = 0; i < 9; ++i) d.H.m[i] = c * r.around.m[i];
+    for (int i = 0; i < 9; ++i) d.H.m[i] = c * r.curvature.m[i];
     d.turned = {-t * r.e.x, -t * r.e.y, -c};
     return d;
 }
@@ -63,7 +63,7 @@ RoundDistance round_distance(RoundKind surface, const Vec3& p, double s) {
     d.F[last] = r.rho - s;
     d.G[last] = r.e;
     d.by_size[last] = -1;
-    d.H = r.around;
+    d.H = r.curvature;
     if (last) {
         d.F[0] = p.z;
         d.G[0] = {0, 0, 1};
@@ -93,12 +93,12 @@ bool isotropic(const Mat3& S) {
     return true;
 }
 
-// A measured point with its most likely true place on the feature, all in the feature's frame.
+// A measured point with its most likely true position on the feature, in the feature's frame.
 struct Foot {
     RoundDistance d;
     Vec3 p;
     double e[2];
-    Mat3 W, along;  // along: covariance of the place given the distance
+    Mat3 W, along;  // along: covariance of the position given the distance
 };
 
 Foot foot_of(RoundKind surface, const Vec3& q, const Mat3& S, double s, int passes) {
@@ -128,7 +128,7 @@ Foot foot_of(RoundKind surface, const Vec3& q, const Mat3& S, double s, int pass
     return foot;
 }
 
-// A row of derivatives: by a motion of the frame (shift, turn), the size, and the shared errors through the point.
+// A row of derivatives by a motion of the frame (shift, turn), the size, and the shared errors of the point.
 void fill_row(const RoundTask& task, const Vec3& shift, const Vec3& turn, double by_size, const Vec3& by_point,
               const double* J, double* row) {
     for (const int r : task.rows) *row++ = r < 3 ? shift[r] : turn[r - 3];
@@ -137,7 +137,7 @@ void fill_row(const RoundTask& task, const Vec3& shift, const Vec3& turn, double
         *row++ = by_point.x * J[d] + by_point.y * J[task.shared + d] + by_point.z * J[2 * task.shared + d];
 }
 
-// What is known of one point's residuals r with inverse covariance W goes into the sums.
+// Adds the residuals r of one point, with inverse covariance W.
 void add_rows(RoundLinear& at, size_t i, int first, int count, const double* r, const Mat3& W) {
     const int M = at.M;
     for (int a = 0; a < count; ++a)
@@ -176,7 +176,7 @@ void add_normal(const RoundTask& task, RoundLinear& at, size_t i, const Mat3& R,
     add_rows(at, i, 2, 2, r, inverse_of_two(C, 2));
 }
 
-// What is known beforehand of the size, the frame and the shared errors.
+// Adds the priors of the size, the frame and the shared errors.
 void add_known(const RoundTask& task, const RoundState& state, RoundLinear& at) {
     const int M = at.M, m = static_cast<int>(task.rows.size()), first = m + task.free_size();
     if (task.sized && task.size_sd > 0) {
@@ -280,7 +280,7 @@ RoundState moved(const RoundTask& task, const RoundState& state, const double* s
 
 }  // namespace
 
-bool settle_round(const RoundTask& task, RoundState& state, RoundLinear& at, int passes, double settled) {
+bool refine_round(const RoundTask& task, RoundState& state, RoundLinear& at, int passes, double tolerance) {
     const auto damped = [](int, double diagonal, double damping) {
         return diagonal > 0 ? (damping + ROUNDING) * diagonal : damping + ROUNDING;
     };
@@ -289,11 +289,11 @@ bool settle_round(const RoundTask& task, RoundState& state, RoundLinear& at, int
         if (predicted < 0) return Attempt::LAST;
         RoundState next = moved(task, state, step);
         RoundLinear there = linearize(task, next);
-        // the weights are held during a step, so that chi2 may grow by as little as they change
+        // the weights are fixed during a step, so that chi2 may grow a little as they change
         if (!(there.chi2 - at.chi2 <= UPHILL * (1 + at.chi2) || predicted < NEAR)) return Attempt::REJECTED;
         std::swap(state, next);
         std::swap(at, there);
-        return predicted < settled ? Attempt::LAST : Attempt::TAKEN;
+        return predicted < tolerance ? Attempt::LAST : Attempt::TAKEN;
     });
 }
 

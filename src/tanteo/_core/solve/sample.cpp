@@ -6,7 +6,7 @@
 
 namespace tanteo {
 
-constexpr double FAR = 25;  // standard deviations beyond which a component is nothing
+constexpr double FAR = 25;  // standard deviations beyond which a component is negligible
 
 Mixture::Mixture(std::vector<Pose> bases_, std::vector<MixtureComponent> components_, double freedom_, const Vec3& centre_)
     : bases(std::move(bases_)), components(std::move(components_)), freedom(freedom_), centre(centre_) {
@@ -15,7 +15,7 @@ Mixture::Mixture(std::vector<Pose> bases_, std::vector<MixtureComponent> compone
     reach_turn.assign(bases.size(), 0.0);
     for (const MixtureComponent& c : components) {
         weights.push_back(std::exp(c.log_weight + log));
-        // the scale is L L' with L the inverse of the argument; its trace by columns of L
+        // the scale matrix is L L' with L the inverse of c.inverse; its trace by columns of L
         double L[36] = {0}, shift = 0, turn = 0;
         for (int k = 0; k < 6; ++k)
             for (int i = k; i < 6; ++i) {
@@ -40,7 +40,7 @@ double Mixture::log_density(const Pose& pose, double* shares) const {
         if (c.owner != last) {
             last = c.owner;
             const Pose& base = bases[c.owner];
-            double turn = 0;  // twice the squared sine of half the turn, four times
+            double turn = 0;  // 8 sin^2(angle / 2)
             for (int i = 0; i < 9; ++i) turn += (pose.R.m[i] - base.R.m[i]) * (pose.R.m[i] - base.R.m[i]);
             const Vec3 shift = (pose.R * centre + pose.t) - (base.R * centre + base.t);
             skip = squared(shift) > reach_shift[c.owner] || turn > 2 * reach_turn[c.owner];
@@ -49,7 +49,7 @@ double Mixture::log_density(const Pose& pose, double* shares) const {
             difference(bases[c.owner], pose, centre, v, w);
             store(v, from_base);
             store(w, from_base + 3);
-            const double angle = norm(w);  // turns are less dense in the tangent the farther they are
+            const double angle = norm(w);  // density of turns in the tangent space relative to the invariant measure
             jacobian = angle < 1e-3 ? 1 : angle * angle / std::max(2 * (1 - std::cos(angle)), 1e-12);
         }
         if (skip) continue;

@@ -7,9 +7,9 @@
 namespace tanteo {
 
 struct MixtureComponent {
-    int owner;         // components of one owner lie side by side and share its base
-    double mean[6];    // in the tangent of the base about the centre
-    double inverse[36];  // of the Cholesky factor of the scale, row-major, lower
+    int owner;         // components of one owner are consecutive and share its base
+    double mean[6];    // in the tangent space of the base about the centre
+    double inverse[36];  // inverse of the Cholesky factor of the scale matrix, row-major, lower
     double log_weight;
 };
 
@@ -23,7 +23,7 @@ class Mixture {
   private:
     std::vector<Pose> bases;
     std::vector<MixtureComponent> components;
-    std::vector<double> weights, reach_shift, reach_turn;  // squared, of an owner: beyond it is nothing
+    std::vector<double> weights, reach_shift, reach_turn;  // squared distances from the base of each owner beyond which its density is negligible
     double freedom;
     Vec3 centre;
 };

@@ -9,13 +9,13 @@ namespace tanteo {
 
 namespace {
 
-constexpr double LARGEST_TURN = 0.2;  // of one step [rad]
-constexpr size_t ROUGH_POINTS = 24;   // in blurred noise: more points do not improve the choice of a maximum
-constexpr int FIRST_STEPS = 6;        // until maxima are compared
-constexpr double HOPELESS = 16;       // cost of a pose over the best one, four outliers more, at which it is given up
-constexpr double COARSE = 1;          // cells of the grid: at a larger scale the triangle next to a cell will do
-constexpr int MARGINAL_STEPS = 4;     // from the values at the maximum, near which most poses are
-constexpr double ROUGHLY = 0.1;       // a gain that ends a maximum that is not the last
+constexpr double LARGEST_TURN = 0.2;  // largest turn of one step [rad]
+constexpr size_t ROUGH_POINTS = 24;   // number of points while noise is blurred: more do not improve the choice of a maximum
+constexpr int FIRST_STEPS = 6;        // steps until maxima are compared
+constexpr double HOPELESS = 16;       // cost gap to the best pose, that of four outliers, beyond which a pose is dropped
+constexpr double COARSE = 1;          // scale in cells of the grid beyond which the triangle nearest to a cell is accurate enough
+constexpr int MARGINAL_STEPS = 4;     // number of Newton steps from the values at the maximum, near which most poses are
+constexpr double ROUGHLY = 0.1;       // gain at which the maximization of a level other than the last ends
 
 State stepped(const State& state, const double* step, const Vec3& centre) {
     State next = state;
@@ -24,7 +24,7 @@ State stepped(const State& state, const double* step, const Vec3& centre) {
     return next;
 }
 
-// A step no larger than a turn and a shift of the same size at the rim of the part.
+// Shortens a step to a largest turn and shift.
 void shorten(double* step, int K, double turn, double shift) {
     const double a = norm(load(step + 3)) / turn, b = norm(load(step)) / shift;
     const double over = std::max(a, b);
@@ -47,8 +47,8 @@ void add_normal(NormalEquations<K>& at, const Vec3& n, const Vec3& m, double sd)
     }
 }
 
-// The distances of points to the nearest surface at a scale [m], under Geman and McClure's robust kernel (1987). The cost is
-// that of the kernel: 4 for a point that is far off. K = 7: with the common offset of all points as a state.
+// Normal equations of the distances of points to the nearest surface, with the robust kernel of Geman and McClure (1987) at
+// a scale [m]. The cost is that of the kernel: 4 for a distant point. K = 7: the common offset of all points is a state, too.
 template <int K>
 NormalEquations<K> surface_distances(const Shape& shape, const Problem& problem, const std::vector<int>& rows, double scale,
                                      const Pose& pose, double offset, double offset_sd) {
@@ -87,17 +87,17 @@ NormalEquations<K> surface_distances(const Shape& shape, const Problem& problem,
 }  // namespace
 
 template <int K>
-static std::vector<Settled> settle_states(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
-                                          const std::vector<double>& scales, const std::vector<Pose>& starts,
-                                          double offset_sd) {
-    std::vector<Settled> all;
+static std::vector<RefinedPose> refine_states(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
+                                              const std::vector<double>& scales, const std::vector<Pose>& starts,
+                                              double offset_sd) {
+    std::vector<RefinedPose> all;
     for (size_t k = 0; k < starts.size(); ++k) all.push_back({starts[k], 0, static_cast<int>(k)});
-    // three steps, and those that are far behind are given up
+    // after every three steps, poses of high cost are dropped
     for (size_t first = 0; first <= scales.size(); first += 3) {
         const int steps = static_cast<int>(std::min<size_t>(3, scales.size() - first));
         for_all(all.size(), [&] {
             return [&](size_t i) {
-                Settled& one = all[i];
+                RefinedPose& one = all[i];
                 const auto equations = [&](int k) {
                     const auto at =
                         surface_distances<K>(shape, problem, rows, scales[first + k], one.pose, one.offset, offset_sd);
@@ -109,24 +109,25 @@ static std::vector<Settled> settle_states(const Shape& shape, const Problem& pro
                     one.pose = moved(one.pose, load(step), load(step + 3), shape.centre);
                     if constexpr (K > 6) one.offset += step[6];
                 });
-                if (steps < 3) equations(steps - 1);  // the cost where it ends
+                if (steps < 3) equations(steps - 1);  // cost at the last pose
             };
         });
         double best = 1e300;
-        for (const Settled& one : all) best = std::min(best, one.cost);
-        all.erase(std::remove_if(all.begin(), all.end(), [&](const Settled& one) { return one.cost > best + HOPELESS; }),
+        for (const RefinedPose& one : all) best = std::min(best, one.cost);
+        all.erase(std::remove_if(all.begin(), all.end(), [&](const RefinedPose& one) { return one.cost > best + HOPELESS; }),
                   all.end());
     }
     return all;
 }
 
-std::vector<Settled> settle(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
-                            const std::vector<double>& scales, const std::vector<Pose>& starts, double offset_sd) {
-    return (offset_sd > 0 ? settle_states<7> : settle_states<6>)(shape, problem, rows, scales, starts, offset_sd);
+std::vector<RefinedPose> refine_poses(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
+                                      const std::vector<double>& scales, const std::vector<Pose>& starts,
+                                      double offset_sd) {
+    return (offset_sd > 0 ? refine_states<7> : refine_states<6>)(shape, problem, rows, scales, starts, offset_sd);
 }
 
 std::vector<double> distances_at(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
-                                 const Settled& at) {
+                                 const RefinedPose& at) {
     std::vector<double> out;
     for (const int j : rows) {
         const Factor& factor = *problem.factors[j];
@@ -137,13 +138,14 @@ std::vector<double> distances_at(const Shape& shape, const Problem& problem, con
     return out;
 }
 
-// Limits steps along motions of the pose that no measurement constrains: a shift of a quarter of the diagonal, and a turn of
-// half a radian.
+// Weak prior that limits steps along motions of the pose that no measurement constrains: a shift of a quarter of the
+// diagonal, and a turn of half a radian.
 static double weak_prior(int i, const Shape& shape) { return weak_prior(i, 0.25 * shape.diagonal, 0.5); }
 
-// Number of other states that the points determine, among those that the noise scale affects: the integral over them is in
-// proportion to so many powers of the scale. Their joint maximum has it too small, and of few points at nothing.
-static double told_by_points(const Likelihood& likelihood, const std::vector<double>& information, const Shape& shape,
+// Effective number of the other states that the points determine with noise that the noise scale multiplies. The integral
+// over these states is proportional to this power of the scale. Without it, the joint maximum underestimates the scale,
+// which goes to zero for few points.
+static double determined_by_points(const Likelihood& likelihood, const std::vector<double>& information, const Shape& shape,
                              const Problem& problem) {
     if (!(problem.scale_sd > 0) || likelihood.blur > 0) return 0;
     const int K = problem.size(), P = K - 1;
@@ -153,20 +155,20 @@ static double told_by_points(const Likelihood& likelihood, const std::vector<dou
         L[i * P + i] += weak_prior(i, shape) + 1e-12 * L[i * P + i];
     }
     if (!cholesky(L.data(), P)) return 0;
-    double told = 0;
+    double determined = 0;
     for (int j = 0; j < P; ++j) {
         for (int i = 0; i < P; ++i) column[i] = likelihood.of_points[i >= j ? i * K + j : j * K + i];
         solve_cholesky(L.data(), P, column.data());
-        told += column[j];
+        determined += column[j];
     }
-    return likelihood.scaled_share * std::min(std::max(told, 0.0), static_cast<double>(P));
+    return likelihood.scaled_share * std::min(std::max(determined, 0.0), static_cast<double>(P));
 }
 
 namespace {
 
 // The log density at a state, its gradient and information over the states from the first on.
 struct Linear {
-    double value = 0, told = 0;
+    double value = 0, scale_slope = 0;
     std::vector<double> gradient, information;
 };
 
@@ -186,37 +188,37 @@ void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, 
     likelihood.blur_turn = blur / (0.25 * shape.diagonal);
     Linear at, there;
     const bool scaled = problem.scale_sd > 0;
-    // the integral over the states that the points constrain is in proportion to a power of the noise scale, so its log is
-    // added: a multiple of the scale that is held during a step
-    const auto hold = [&](Linear& at) {
+    // adds the log of the integral over the states that the points determine: a multiple of the log of the noise scale,
+    // with a factor that is fixed during a step
+    const auto add_integral = [&](Linear& at) {
         if (!scaled) return;
-        at.told = problem.scale_sd * told_by_points(likelihood, at.information, shape, problem);
-        at.gradient.back() += at.told;
+        at.scale_slope = problem.scale_sd * determined_by_points(likelihood, at.information, shape, problem);
+        at.gradient.back() += at.scale_slope;
     };
     const auto damped = [&](int i, double diagonal, double damping) { return damping * diagonal + weak_prior(i, shape); };
     linearize(likelihood, maximum.state, 0, at);
-    hold(at);
+    add_integral(at);
     const Damping rule{1e-3, 0.1, 1e-6, 20, 0, 5};
     maximize(at, steps, rule, damped, [&](double* step, double predicted, const double*) {
         if (predicted < enough) return Attempt::LAST;
         shorten(step, problem.size(), LARGEST_TURN, 0.25 * shape.diagonal);
         State next = stepped(maximum.state, step, shape.centre);
         linearize(likelihood, next, 0, there);
-        const double gain = there.value - at.value + (scaled ? at.told * (next.z.back() - maximum.state.z.back()) : 0);
+        const double gain = there.value - at.value + (scaled ? at.scale_slope * (next.z.back() - maximum.state.z.back()) : 0);
         if (!(gain > 0)) return Attempt::REJECTED;
         std::swap(maximum.state, next);
         std::swap(at, there);
-        hold(at);
+        add_integral(at);
         return gain < enough ? Attempt::LAST : Attempt::TAKEN;
     });
     maximum.log = at.value;
     std::swap(maximum.information, at.information);
 }
 
-// Whether a point is one of so many that lie far apart; empty if there are no more. They are of twice as many that come
-// at even steps: of all points, outliers would be the farthest.
+// Whether each point is one of `count` that are far apart; empty if there are no more points. They are chosen among twice
+// as many evenly spaced points: among all points, outliers would be the farthest.
 static std::vector<char> far_apart(const Problem& problem, size_t count) {
-    std::vector<size_t> rows;  // those that furniture does not explain
+    std::vector<size_t> rows;  // points that furniture does not explain
     const auto& factors = problem.factors;
     for (size_t j = 0; j < factors.size(); ++j)
         if (problem.furniture[j] < 1) rows.push_back(j);
@@ -243,7 +245,7 @@ std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, co
         maxima[k].from = static_cast<int>(k);
     }
     const int few = std::min(steps, FIRST_STEPS);
-    const auto level = [&](double blur, int most, double gain, double behind) {
+    const auto level = [&](double blur, int most, double gain, double gap) {
         for_all(maxima.size(), [&] {
             Likelihood own(shape, problem);
             own.coarse = coarse;
@@ -254,18 +256,18 @@ std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, co
         double best = -1e300;
         for (const Maximum& maximum : maxima) best = std::max(best, maximum.log);
         maxima.erase(std::remove_if(maxima.begin(), maxima.end(),
-                                    [&](const Maximum& maximum) { return !(maximum.log >= best - behind); }),
+                                    [&](const Maximum& maximum) { return !(maximum.log >= best - gap); }),
                      maxima.end());
     };
-    if (maxima.size() > 2) level(blurs.empty() ? 0 : blurs[0], 0, 0, 2 * margin);  // as they stand
+    if (maxima.size() > 2) level(blurs.empty() ? 0 : blurs[0], 0, 0, 2 * margin);  // without a step
     for (const double blur : blurs) level(blur, few, ROUGHLY, margin);
     level(0, few, ROUGHLY, margin);
     if (steps > few) level(0, steps - few, enough, margin);
     return maxima;
 }
 
-// Newton's method with a line search. The determinant is that of the last step's factor: at the maximum itself the statistics
-// are the same, but other poses are drawn.
+// Newton's method with a line search. The determinant is that of the factor of the last step, not of the maximum: the
+// statistics are equal.
 double marginal(Likelihood& likelihood, const Problem& problem, State& state) {
     const int D = problem.size() - 6;
     if (!D) return likelihood.at(state, false);

@@ -8,7 +8,7 @@ namespace tanteo {
 
 namespace {
 
-// One turn that makes A(i, j) zero; V follows it.
+// One Jacobi rotation, which makes A(i, j) zero; V accumulates the rotations.
 void turn(std::vector<double>& A, std::vector<double>& V, int n, int i, int j) {
     const double theta = 0.5 * (A[j * n + j] - A[i * n + i]) / A[i * n + j];
     const double t = (theta < 0 ? -1 : 1) / (std::fabs(theta) + std::sqrt(theta * theta + 1));

@@ -9,7 +9,7 @@ struct Eigen {
     std::vector<double> vectors;  // (n, n) row-major, in columns
 };
 
-// Of a symmetric matrix (n, n), by Jacobi's turns; of one that is not finite, in no order.
+// Eigenvalues of a symmetric matrix (n, n) by Jacobi rotations; in no order if it is not finite.
 Eigen eigen(std::vector<double> A, int n);
 
 }  // namespace tanteo

@@ -1,4 +1,4 @@
-"""Motions of the part that pairings leave free, as vectors and in words."""
+"""Motions of the part that pairings leave free, as vectors and as text."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class PoseEstimate:
         covariance_relative: covariance given the shared errors. If these are the robot's base alone, it is the
             repeatability with the same robot.
         free: motions ``(k, 6)`` that no pairing constrains, part frame, pure translations first [m, rad].
-        unobserved: the unobserved directions in words.
+        unobserved: the unobserved directions as text.
         chi2: joint squared Mahalanobis distance of the pairings, and of the prior if there is one.
         dof: degrees of freedom of ``chi2``: equations of the pairings, six more with a prior, less the six of the pose
             without the free ones.
@@ -76,7 +76,7 @@ class PoseEstimate:
 
     @property
     def message(self) -> str:
-        """Return the finding in words."""
+        """Return the finding as one sentence."""
         return self.finding.message
 
 

@@ -178,14 +178,14 @@ _BETWEEN_KINDS = (
 )
 
 RELATIONS: dict[str, Relation] = {r.name: r for r in (*map(_same, KINDS.values()), *_BETWEEN_KINDS) if r is not None}
-"""The table, by name: another entry makes another relation. Kinds registered later join it when they are paired."""
+"""Relations by name; a new relation is one more entry. Kinds that are registered later join when they are paired."""
 
 
 def relation_between(sensed: FeatureKind, model: FeatureKind) -> Relation:
     """Return the relation of a sensed kind with a model kind.
 
     Raises:
-        InputError: if a feature of the first kind says nothing about one of the second.
+        InputError: if no relation between the two kinds is registered.
     """
     for relation in RELATIONS.values():
         if relation.sensed == sensed and relation.model == model:

@@ -12,7 +12,7 @@ def motions_about(middle: Vectors, count: int = 6) -> FloatArray:
     """Return motions of a frame at ``middle`` ``(3,)`` as motions of the part's own frame ``(count, count)``.
 
     The origin of a CAD file may be far from its part, and a rotation about it moves the part far. Coordinates after the
-    first six stay as they are.
+    first six are unchanged.
     """
     out = np.eye(count)
     out[:3, 3:6] = SO3.hat(np.asarray(middle, dtype=np.float64))

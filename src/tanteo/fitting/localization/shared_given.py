@@ -25,7 +25,12 @@ class SharedGiven:
 
     @classmethod
     def at(cls, z: FloatArray, information: FloatArray) -> SharedGiven:
-        """Return them from their mean ``(D,)`` and the information on pose and shared errors ``(6 + D, 6 + D)``."""
+        """Return the shared errors given the pose.
+
+        Args:
+            z: mean of the shared errors at the estimated pose ``(D,)``.
+            information: information on pose and shared errors ``(6 + D, 6 + D)``.
+        """
         covariance = np.asarray(np.linalg.inv(information[6:, 6:]), dtype=np.float64)
         return cls(z, -covariance @ information[6:, :6], covariance)
 
@@ -43,7 +48,12 @@ class SharedGiven:
         return SharedGiven(self.mean + self.follows @ xi, self.follows, self.covariance)
 
     def drawn(self, xi: Tangents, normal: FloatArray) -> FloatArray:
-        """Return samples ``(S, D)`` at poses off by ``(S, 6)``, from standard normal ones ``(S, D)``."""
+        """Return samples of the shared errors ``(S, D)`` at motions ``xi`` ``(S, 6)`` from the pose.
+
+        Args:
+            xi: motions of the part from the estimated pose ``(S, 6)``.
+            normal: standard normal draws ``(S, D)``.
+        """
         values, vectors = np.linalg.eigh(self.covariance)
         root = vectors * np.sqrt(values.clip(0))
         return np.asarray(self.mean + xi @ self.follows.T + normal @ root.T)

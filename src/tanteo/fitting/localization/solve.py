@@ -195,7 +195,7 @@ def pose_information(information: FloatArray) -> FloatArray:
 
 
 def take(solution: Solution, ok: BoolArray) -> Solution:
-    """Return some hypotheses of a batch."""
+    """Return the hypotheses of a batch for which ``ok`` is true."""
     return Solution(
         solution.T_world_part[ok],
         solution.z[ok],

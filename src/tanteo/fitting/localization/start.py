@@ -50,7 +50,7 @@ def _directions(blocks: Sequence[Block]) -> tuple[FloatArray, FloatArray, FloatA
 
 
 def _same(relation: Relation) -> bool:
-    """Whether a feature is said to be one of its own kind."""
+    """Return whether the relation pairs features of one kind."""
     return relation.sensed == relation.model
 
 

@@ -33,7 +33,7 @@ def covariance_with_free(information: FloatArray, N: Tangents, scale: FloatArray
 
 
 def hold_motions(N: Tangents, scale: FloatArray, strength: float) -> FloatArray:
-    """Return information that keeps steps off the motions ``N``, tangents over the ``scale``."""
+    """Return information ``(6, 6)`` of this strength along unobserved motions ``N``, so that steps avoid them."""
     rows = N @ np.linalg.inv(scale)
     return strength * rows.T @ rows
 
@@ -58,7 +58,7 @@ def pairing_distances(blocks: list[Block], order: list[int], T: Transforms, z: F
 
 
 def alternatives(solution: Solution, best: int, covariance: Covariances) -> Transforms:
-    """Return other fixed points with about the same chi-square, each once."""
+    """Return other poses ``(k, 4, 4)`` at which the fit converged with about the chi-square of the best, each once."""
     kept = [solution.T_world_part[best]]
     weight = np.linalg.inv(covariance)
     for i in np.argsort(solution.chi2):
@@ -78,13 +78,13 @@ def shared_estimates(
     errors: tuple[SharedError, ...],
     scale: FloatArray,
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return posterior mean and sd of each shared error, with the free directions ``N`` held."""
+    """Return posterior mean and sd of each shared error, with the free directions ``N`` fixed."""
     if not errors:
         return {}
-    held = np.array(information)
-    held[:6, :6] += hold_motions(N, scale, float(np.abs(information).max()))
-    cross = np.linalg.solve(held[:6, :6], held[:6, 6:])
-    covariance = np.linalg.inv(held[6:, 6:] - held[6:, :6] @ cross)
+    fixed = np.array(information)
+    fixed[:6, :6] += hold_motions(N, scale, float(np.abs(information).max()))
+    cross = np.linalg.solve(fixed[:6, :6], fixed[:6, 6:])
+    covariance = np.linalg.inv(fixed[6:, 6:] - fixed[6:, :6] @ cross)
     c, sd = L @ z, np.sqrt(np.maximum(np.diag(L @ covariance @ L.T), 0.0))
     out, i = {}, 0
     for error in errors:

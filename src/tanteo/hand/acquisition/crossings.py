@@ -19,7 +19,7 @@ from tanteo.hand.motion.crossing import Crossing, cross_edge
 from tanteo.hand.motion.steering import Motion
 from tanteo.hand.motion.travelling import go_to, path
 from tanteo.hand.robot import Body
-from tanteo.words.findings import NoRoom, NotAllSeen, SpaceEnds
+from tanteo.words.findings import NoSpace, NotAllSeen, SpaceEnds
 
 _STEP = 0.002
 """Distance between two poses of a path that are checked for collisions [m]."""
@@ -83,7 +83,7 @@ def stand(run: SensingRun, face: Feature, place: Vectors, along: FloatArray) -> 
     cloud, T = raised(run, face), run.robot.sensed.T_world_hand
     down = pose_over(run, face, place, along)
     if not fits(run, cloud, down[None]):
-        return Motion("stand", "limit", NoRoom("at the edge"), ())
+        return Motion("stand", "limit", NoSpace("at the edge"), ())
     way = path(T, down, run.hand.front, 12)
     if not (fits(run, cloud, way) and nearly_known(run, way)):
         way = path(moved(down, HOVER * face.T_world_feature[:3, 2]), down, run.hand.front, 12)
@@ -105,7 +105,7 @@ def scan_above(run: SensingRun, face: Feature, needed: Transforms, *, crossing: 
     places = above[fitting(run, cloud, above)]
     there = next((T for T in places if fits(run, cloud, path(now, T, run.hand.front, 12))), None)
     if there is None:
-        return Motion("look", "limit", NoRoom("over the edge"), ())
+        return Motion("look", "limit", NoSpace("over the edge"), ())
     last = run.does(go_to(run.robot, there, run.rules))
     for tilt, spacing in SCANS[1 : 1 + _SCANS]:
         if not last.reached or (all(_crossable(run, needed)) if crossing else nearly_known(run, needed)):

@@ -16,7 +16,7 @@ from tanteo.hand.acquisition.wall import WallReading, depths, read_wall
 from tanteo.hand.motion.steering import Rules
 from tanteo.hand.robot import Robot
 from tanteo.sensors import RobotPreset
-from tanteo.words.findings import AfterMotion, Finding, NotOneFeature, NoTwoRings, StepFailed, WallMetRarely, WallSensed
+from tanteo.words.findings import AfterMotion, FewWallPlaces, Finding, NotOneFeature, NoTwoRings, StepFailed, WallSensed
 
 ANGLES = 0, 120, 240, 60, 180, 300
 """Directions of the readings of the wall in each ring [deg]."""
@@ -101,7 +101,7 @@ def _ring(run: SensingRun, circle: Feature, depth: float) -> tuple[list[WallRead
 
 def _coverage(ring: Sequence[WallReading], depth: float, last: Finding | None) -> Finding:
     """Return that the wall was measured at too few positions, with the last motion that failed."""
-    few = WallMetRarely(len(ring), len(ANGLES), depth)
+    few = FewWallPlaces(len(ring), len(ANGLES), depth)
     return few if last is None else AfterMotion(few, last)
 
 

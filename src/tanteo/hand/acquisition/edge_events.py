@@ -19,7 +19,7 @@ from tanteo.hand.motion.crossing import EdgeEvent
 from tanteo.hand.motion.track import Crease
 from tanteo.hand.robot import Hand
 from tanteo.sensors import error_model
-from tanteo.words.findings import EdgeMetRarely, EdgesMixed, FaceEndsElsewhere, Finding, PlaceBeside
+from tanteo.words.findings import EdgesMixed, FaceEndsElsewhere, FewEdgeCrossings, Finding, PlaceBeside
 
 Line = tuple[FloatArray, FloatArray]
 """Point and unit direction of a line, each ``(3,)``."""
@@ -168,7 +168,7 @@ def doubt(
     spots, group = np.array([place_of(hand, e) for e in events]).reshape(-1, 3), _places(hand, events, along)
     counts, none = np.bincount(group), np.zeros(len(events), dtype=bool)
     if len(events) == 0 or len(counts) < 3:
-        return EdgeMetRarely(len(events), alone=False), none
+        return FewEdgeCrossings(len(events), alone=False), none
     x, y, variance = (
         np.bincount(group, weights=v) / counts for v in (spots @ along, spots @ outwards, _variances(hand, events))
     )
@@ -176,7 +176,7 @@ def doubt(
     H = A @ np.linalg.solve(A.T @ A, A.T)
     leverages = np.diag(H)
     if leverages.max() > _CONTROLLED:
-        return EdgeMetRarely(len(events), alone=True), none
+        return FewEdgeCrossings(len(events), alone=True), none
     residuals = np.abs(y / np.sqrt(variance) - H @ (y / np.sqrt(variance))) / np.sqrt(1 - leverages)
     worst = int(np.argmax(residuals))
     if residuals[worst] <= _GATE:

@@ -19,7 +19,7 @@ from tanteo.hand.motion.steering import Motion, Rules
 from tanteo.hand.motion.travelling import go_to, path
 from tanteo.hand.robot import Robot
 from tanteo.sensors import RobotPreset, error_model
-from tanteo.words.findings import FaceNotRepeated, FacesTooNarrow, Finding, NoFlatFace, NoRoom, NotAllSeen, OtherFace
+from tanteo.words.findings import FaceNotRepeated, FacesTooNarrow, Finding, NoFlatFace, NoSpace, NotAllSeen, OtherFace
 
 HOVER = 0.06
 """Height above the stand-off before the descent [m]."""
@@ -39,7 +39,7 @@ _ELSEWHERE = 0.008
 """Smallest distance of a new position from those that failed [m]."""
 
 _NARROW = FacesTooNarrow()
-_NO_CLEARANCE = NoRoom("over the face")
+_NO_CLEARANCE = NoSpace("over the face")
 _UNSEEN = NotAllSeen("over the face")
 _UNSURE: Attempt = ("unclear", FaceNotRepeated(), None)
 

@@ -23,7 +23,7 @@ from tanteo.hand.motion.crossing import EdgeEvent
 from tanteo.hand.motion.steering import Motion
 from tanteo.hand.robot import Hand
 from tanteo.sensors import error_model
-from tanteo.words.findings import Finding, NotCrossed, PlaceBeside, RimMetRarely
+from tanteo.words.findings import FewRimPlaces, Finding, NotCrossed, PlaceBeside
 
 _BEYOND = 2.5e-3
 """Distance of a crossing beyond twice the spot [m]; narrower structures cannot be detected."""
@@ -186,21 +186,21 @@ def controlled(places: Sequence[Place], face: Feature, disc: Disc) -> tuple[list
 def _doubt(places: list[Place], face: Feature, disc: Disc) -> tuple[Finding | None, int | None]:
     """Return why positions do not determine one circle, and the index of a position that does not fit."""
     if len(places) < LEAST_PLACES:
-        return RimMetRarely(len(places), "few", math.nan), None
+        return FewRimPlaces(len(places), "few", math.nan), None
     circle = disc_through(places, face, disc)
     if circle is None:
-        return RimMetRarely(len(places), "spread", math.nan), None
+        return FewRimPlaces(len(places), "spread", math.nan), None
     axes, weights = face.T_world_feature[:3, :2], 1 / np.sqrt([p.variance for p in places])
     points = (np.array([p.point for p in places]) - circle.centre) @ axes
     turns = np.sort(np.arctan2(points[:, 1], points[:, 0]))
     open_for = float(np.diff(turns, append=turns[0] + 2 * math.pi).max())
     if open_for > _MOST_OPEN:
-        return RimMetRarely(len(places), "open", open_for), None
+        return FewRimPlaces(len(places), "open", open_for), None
     A, residual = _rows(points, np.zeros(2), circle.radius)
     Q = np.linalg.qr(A * weights[:, None])[0]
     leverages = np.sum(Q**2, axis=1)
     if leverages.max() > _CONTROLLED:
-        return RimMetRarely(len(places), "alone", math.nan), None
+        return FewRimPlaces(len(places), "alone", math.nan), None
     standard = np.abs(residual * weights) / np.sqrt(1 - leverages)
     worst = int(np.argmax(standard))
     if standard[worst] <= _GATE:

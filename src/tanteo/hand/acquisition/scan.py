@@ -23,7 +23,7 @@ from tanteo.hand.motion.steering import Motion
 from tanteo.hand.motion.travelling import go_to, path
 from tanteo.hand.robot import Hand, HandReading
 from tanteo.sensors import Readings
-from tanteo.words.findings import NoRoom, NotOneFeature, ReadingsTaken, ScanTooShort, SurfaceLost
+from tanteo.words.findings import NoSpace, NotOneFeature, ReadingsTaken, ScanTooShort, SurfaceLost
 
 INSTANTS = 20
 """Number of instants of the scan across the pair, and of that along it; each has two readings."""
@@ -50,7 +50,7 @@ to it [rad]."""
 _SURE = np.radians(3.0)
 """A plane whose tilt is known no better than this is not acquired [rad]."""
 
-_NO_TURN = Motion("turn", "limit", NoRoom("to turn it square to the face"), ())
+_NO_TURN = Motion("turn", "limit", NoSpace("to turn it square to the face"), ())
 
 
 def scan(run: SensingRun, label: str, width: float) -> Attempt:

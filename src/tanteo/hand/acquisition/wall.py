@@ -22,7 +22,7 @@ from tanteo.hand.motion.steering import Motion
 from tanteo.hand.motion.travelling import dwell, go_to, path
 from tanteo.hand.robot import HIT
 from tanteo.sensors import error_model
-from tanteo.words.findings import NoRoom, NotAllSeen
+from tanteo.words.findings import NoSpace, NotAllSeen
 
 SLANT = math.radians(35.0)
 """Of the beam to the axis: it meets the wall at an angle that sensors answer to, and comes deep enough into a bore."""
@@ -126,7 +126,7 @@ def read_wall(
 def _over(run: SensingRun, circle: Feature, above: Transforms, come: Transforms) -> Motion:
     """Move the hand over the rim, and scan from there until the path to the wall is known to be free."""
     way = np.concatenate([path(run.robot.sensed.T_world_hand, above, run.hand.front, 12), come])
-    last = Motion("wall", "limit", NoRoom("over the rim"), ())
+    last = Motion("wall", "limit", NoSpace("over the rim"), ())
     if not fits(run, raised(run, circle), way):
         return last
     last = run.does(go_to(run.robot, above, run.rules))

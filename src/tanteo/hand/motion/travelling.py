@@ -15,7 +15,7 @@ from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.hand.motion.steering import Motion, Rules, Steering
 from tanteo.hand.robot import Hand, Robot
 from tanteo.hand.twists import advance, pose_difference, rotation_twist, translation_twist
-from tanteo.words.findings import AtPose, AtRest, LookedAround, NothingInRange
+from tanteo.words.findings import AtPose, AtRest, NothingInRange, SurroundingsScanned
 
 _CLOSE, _TURNED = 5e-4, 2e-3
 """Distance [m] and angle [rad] within which a pose counts as reached."""
@@ -134,7 +134,7 @@ def spiral_scan(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0
             break
         if ending := run.step(twist):
             return run.end(ending)
-    return run.end("reached", LookedAround()) if seen else run.end("nothing", NothingInRange())
+    return run.end("reached", SurroundingsScanned()) if seen else run.end("nothing", NothingInRange())
 
 
 def spiral_poses(

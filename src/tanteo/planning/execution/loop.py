@@ -22,7 +22,7 @@ from tanteo.planning.session.values import Done, Step
 from tanteo.planning.state import SensingState
 from tanteo.sensors import RobotPreset
 from tanteo.words import Finding, message_of
-from tanteo.words.findings import BeamsFree, FurnitureMet, NoClearPath, NoEcho, NothingToAcquire
+from tanteo.words.findings import BeamsFree, FurnitureHit, NoClearPath, NoEcho, NothingToAcquire
 
 _TRIED = 4
 """Largest number of approach poses of a beam to which a path is planned."""
@@ -219,7 +219,7 @@ class _Run:
         if self.furniture is not None:
             of_it = self.furniture.hit(readings, hand.rig, self.errors, self.session.state)
             readings = beyond_furniture(readings, of_it, hand.rig)
-            remarks = (FurnitureMet(int(of_it.sum())),) if of_it.any() else ()
+            remarks = (FurnitureHit(int(of_it.sum())),) if of_it.any() else ()
         if readings.is_free.all():
             remarks = (*remarks, BeamsFree())
         return self.session.tell(readings, action), remarks

@@ -36,8 +36,8 @@ from tanteo.words.findings import (  # fmt: skip
     EmptySpace,
     Finding,
     MovedMeanwhile,
+    NoContact,
     NoPartLeft,
-    NothingMet,
     PoseWithin,
     SeveralPoses,
     WiderPrior,
@@ -95,7 +95,7 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
     touches, start = state.touches, state.start
     if touches is None or not len(touches):
         status: Status = "unknown" if state.unknown > _HALF else "insufficient"
-        nothing = NothingMet() if status == "insufficient" else EmptySpace()
+        nothing = NoContact() if status == "insufficient" else EmptySpace()
         gone = 1.0 - float(state.weights.sum())
         return Answer(status, (nothing,), (), gone, seed=seed, significance=significance)
     if not state.modes:

@@ -18,7 +18,7 @@ _MOSTLY = 0.9
 
 
 def split_by_symmetry(part: Part, free: Tangents, covariance: Covariances) -> tuple[Tangents, Covariances]:
-    """Return the free motions that no symmetry explains, and the covariance without variance along the symmetries.
+    """Return unobserved motions that no symmetry explains, and the covariance without variance along symmetries.
 
     Args:
         part: the part.
@@ -137,7 +137,7 @@ def motion_of(part: Part, motion: Tangents, T_world_part: Transforms) -> Motion:
 
 
 def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
-    """Return advice to sense the planar face that constrains a free motion best; empty if no face does.
+    """Return advice to sense the planar face that constrains an unobserved motion best; empty if no face does.
 
     Args:
         part: the part.

@@ -79,7 +79,7 @@ class SeenOutline:
 
     @property
     def sd(self) -> float:
-        """Return the standard deviation of the outline in a direction [m]."""
+        """Return the standard deviation of the outline's distance from its middle, one for all directions [m]."""
         return float(np.sqrt((_PIXELS * self.pixel) ** 2 + _LEAST_SD**2 + (_MADE * self.reach.mean()) ** 2))
 
     def by_rest(self, parts: Sequence[Any]) -> tuple[FloatArray, IntArray]:

@@ -96,7 +96,7 @@ class HalfTurnsAndSlides(Proposer):
     name = "moves"
 
     def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
-        """Propose poses beside the best maxima so far."""
+        """Propose half turns and random slides of the best maxima so far."""
         effort = state.effort
         hard = bool(effort.moved_hard) and (len(state.objective.scales.blurs) > 1 or state.is_doubtful())
         count = effort.moved_hard if hard else effort.moved

@@ -195,7 +195,7 @@ def _refined(
     end = 2 * float(np.median(points.sd))
     count = max(4, int(np.ceil(np.log(max(deep / end, 1.0)) / (2 * axes.settings.scale_step))) + 1)
     scales = np.geomspace(max(deep, end), end, count)
-    refined, *_ = _core.settle(prepared.shape, core, rows.astype(np.int32), scales, np.ascontiguousarray(Ts))
+    refined, *_ = _core.refine_poses(prepared.shape, core, rows.astype(np.int32), scales, np.ascontiguousarray(Ts))
     return np.asarray(refined)
 
 

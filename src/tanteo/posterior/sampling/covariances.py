@@ -13,7 +13,7 @@ from tanteo.posterior.fit_at_mode import GoodnessOfFit
 
 
 def mode_covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | None]:
-    """Return the covariance of the pose ``(6, 6)``, uniform along free motions, and that given the shared errors."""
+    """Return the pose covariance ``(6, 6)``, uniform along unobserved motions, and that given the shared errors."""
     mode, part = one.mode, one.mode.prepared.part
     scale = part_scale(part)
     whole = without_symmetry(part, pose_information(mode.information))

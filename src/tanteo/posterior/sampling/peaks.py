@@ -176,8 +176,8 @@ class Objective:
         """
         if not len(Ts):
             return Ts, groups
-        shape, end = self.prepared.shape, float(self.scales.refine[-1])
-        Ts, costs, rows, *_ = _core.settle(shape, self.core, self.rows, self.scales.refine, np.ascontiguousarray(Ts))
+        shape, scales, end = self.prepared.shape, self.scales.refine, float(self.scales.refine[-1])
+        Ts, costs, rows, *_ = _core.refine_poses(shape, self.core, self.rows, scales, np.ascontiguousarray(Ts))
         order, groups = np.argsort(costs, kind="stable"), groups[rows]
         near = np.r_[np.full(3, end**-2.0), np.full(3, (end / (0.25 * shape.diagonal)) ** -2.0)]
         Ts = np.ascontiguousarray(Ts[order])

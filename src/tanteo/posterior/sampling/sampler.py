@@ -137,7 +137,7 @@ class Sampler:
         self.sample(count * self.local)
 
     def unexplained(self) -> Transforms:
-        """Return samples of so large a weight that the mixture lacks a component there ``(K, 4, 4)``."""
+        """Return poses of samples whose weight is so large that a component is missing there ``(K, 4, 4)``."""
         if not np.isfinite(self.log_weights.max()):
             return self.Ts[:0]
         w = np.exp(self.log_weights - self.log_weights.max())

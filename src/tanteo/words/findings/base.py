@@ -1,4 +1,4 @@
-"""The base of all findings, and what a finding is for."""
+"""Base class and roles of findings: facts that an answer reports as sentences."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 Role = Literal["verdict", "cause", "advice", "question"]
-"""What a finding is for: the verdict itself, what it rests on or what is odd, what to do, or what the user may have
-meant otherwise. Questions stand beside the message, not in it."""
+"""Role of a finding in an answer: the verdict, its cause or an oddity, advice, or a question about another meaning of
+the input. A message contains all of them but questions."""
 
 Share = tuple[str, float]
 """Name of a part and its probability."""
@@ -15,12 +15,12 @@ Share = tuple[str, float]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Base of all findings.
+    """Fact about an answer, a plan or a motion, from which a sentence for the user is made.
 
     Attributes:
-        kind: name of the kind, as documents have it.
-        role: what the finding is for.
-        subject: what a question asks the user to check; empty for other findings.
+        kind: name of the kind in documents and records.
+        role: role of the finding in an answer.
+        subject: part of the input that a question requests the user to check; empty for other findings.
     """
 
     kind: ClassVar[str]
@@ -29,7 +29,7 @@ class Finding:
 
     @property
     def message(self) -> str:
-        """The finding in words."""
+        """Return the finding as sentences: what is found, then what to do."""
         from tanteo.words.sentences import sentence
 
         return sentence(self)

@@ -29,7 +29,7 @@ class Calibrated(Finding):
 
     Attributes:
         sensors: names of the sensors.
-        undetermined: what the log adds little to; these parameters keep their prior uncertainty.
+        undetermined: combinations of parameters that the log hardly improves; they keep their prior uncertainty.
     """
 
     kind: ClassVar[str] = "calibrated"
@@ -43,7 +43,7 @@ class BeamsUndetermined(Finding):
     """Neither the log nor a rig determines where a beam is.
 
     Attributes:
-        undetermined: what the log does not determine.
+        undetermined: combinations of parameters that the log does not determine.
     """
 
     kind: ClassVar[str] = "beams_undetermined"

@@ -1,4 +1,4 @@
-"""What a verdict rests on: noise, outliers, shared errors, what was not searched."""
+"""Findings on the grounds of a verdict: noise, outliers, shared errors, parts that were not searched."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tanteo.words.findings.verdicts import WorstReading
 
 @dataclass(frozen=True, slots=True)
 class CutShort(Finding):
-    """The search dropped some assignments."""
+    """The search dropped some assignments of readings to faces, so it may have missed the answer."""
 
     kind: ClassVar[str] = "cut_short"
 
@@ -28,11 +28,11 @@ class SharedErrorLimits(Finding):
     """An error that all readings share contributes much to the uncertainty of the answer.
 
     Attributes:
-        error: what the error is.
+        error: description of the error.
         share: its own part of the largest corner sd [m].
         corner_sd: the largest corner sd [m].
         without: the largest corner sd if the error were known [m].
-        source: name of the kind of error, which decides what lessens it.
+        source: name of the kind of error, which decides the advice.
     """
 
     kind: ClassVar[str] = "shared_error"
@@ -85,7 +85,7 @@ class OnFurniture(Finding):
 
     Attributes:
         count: number of all readings.
-        on: name of each object and number of readings on it.
+        on: name of each piece of furniture and number of readings on it.
     """
 
     kind: ClassVar[str] = "on_furniture"
@@ -95,10 +95,10 @@ class OnFurniture(Finding):
 
 @dataclass(frozen=True, slots=True)
 class MissedPoses(Finding):
-    """The search met some poses only once, so it may have missed others.
+    """The search found some poses only once, so it may have missed others.
 
     Attributes:
-        probability: of the poses that were met once.
+        probability: posterior of the poses that were found once.
     """
 
     kind: ClassVar[str] = "missed_poses"
@@ -124,9 +124,9 @@ class Scatter(Finding):
     """The readings scatter more or less than stated.
 
     Attributes:
-        scale: noise over stated noise.
+        scale: ratio of the observed noise to the stated one.
         low: lower end of its 95 % interval.
-        high: upper end.
+        high: upper end of its 95 % interval.
         worst: the reading that agrees least; None if none is far off.
         part: name of the closest part where the object is unknown; otherwise empty.
     """
@@ -141,12 +141,12 @@ class Scatter(Finding):
 
 @dataclass(frozen=True, slots=True)
 class EstimatedNoise(Finding):
-    """Nobody stated a standard deviation, and the readings decide it.
+    """No standard deviation was stated, and it is estimated from the readings.
 
     Attributes:
         sd: estimated standard deviation [m].
         low: lower end of its 95 % interval [m].
-        high: upper end [m].
+        high: upper end of its 95 % interval [m].
     """
 
     kind: ClassVar[str] = "estimated_noise"
@@ -157,7 +157,7 @@ class EstimatedNoise(Finding):
 
 @dataclass(frozen=True, slots=True)
 class NoNoiseStated(Finding):
-    """Nobody stated a standard deviation, and the readings do not decide it."""
+    """No standard deviation was stated, and the readings do not determine it."""
 
     kind: ClassVar[str] = "no_noise_stated"
     role: ClassVar[Role] = "advice"
@@ -165,7 +165,7 @@ class NoNoiseStated(Finding):
 
 @dataclass(frozen=True, slots=True)
 class CheckPrior(Finding):
-    """The answer is unknown, and a prior of the pose counted."""
+    """The answer is ``unknown`` although it includes a prior of the pose, which may be wrong."""
 
     kind: ClassVar[str] = "check_prior"
     role: ClassVar[Role] = "advice"
@@ -208,7 +208,7 @@ class FreeSpaceCrossed(Finding):
     Attributes:
         part: name of the part.
         readings: ids of these rays, the worst first.
-        lengths: how far each ray ends behind the surface [m].
+        lengths: distance from the surface to the end of each ray, inside or behind the part [m].
         count: number of all free-space rays.
     """
 

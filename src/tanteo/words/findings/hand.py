@@ -17,7 +17,7 @@ class AtPose(Finding):
 
 @dataclass(frozen=True, slots=True)
 class AtRest(Finding):
-    """The hand read at rest.
+    """The hand took readings at rest.
 
     Attributes:
         count: number of readings.
@@ -28,7 +28,7 @@ class AtRest(Finding):
 
 
 @dataclass(frozen=True, slots=True)
-class LookedAround(Finding):
+class SurroundingsScanned(Finding):
     """The hand scanned its surroundings."""
 
     kind: ClassVar[str] = "looked_around"
@@ -103,7 +103,7 @@ class AtLimit(Finding):
     """A motion is blocked: the hand is at a bound or a forbidden box of the workspace.
 
     Attributes:
-        limit: what the hand is at.
+        limit: name of the bound or the box.
     """
 
     kind: ClassVar[str] = "at_limit"
@@ -124,7 +124,7 @@ class TimedOut(Finding):
 
 @dataclass(frozen=True, slots=True)
 class NothingInRange(Finding):
-    """No frontal beam met anything during a scan."""
+    """No frontal beam hit anything during a scan."""
 
     kind: ClassVar[str] = "nothing_in_range"
 
@@ -143,7 +143,7 @@ class NoSurfaceAhead(Finding):
 
 @dataclass(frozen=True, slots=True)
 class NoRanges(Finding):
-    """The surface gives no ranges, because the beams meet it too obliquely."""
+    """The surface gives no ranges, because the beams hit it too obliquely."""
 
     kind: ClassVar[str] = "no_ranges"
 
@@ -235,11 +235,11 @@ class NotCrossed(Finding):
 
 
 @dataclass(frozen=True, slots=True)
-class NoRoom(Finding):
+class NoSpace(Finding):
     """The hand has no free space somewhere.
 
     Attributes:
-        place: where, such as ``over the face``.
+        place: place as a clause, such as ``over the face``.
     """
 
     kind: ClassVar[str] = "no_room"
@@ -251,7 +251,7 @@ class NotAllSeen(Finding):
     """The space that the hand needs was not seen completely.
 
     Attributes:
-        place: where, such as ``over the rim``.
+        place: place as a clause, such as ``over the rim``.
     """
 
     kind: ClassVar[str] = "not_all_seen"
@@ -341,7 +341,7 @@ class NotOneFeature(Finding):
 
     Attributes:
         feature: kind of the feature.
-        cause: reason.
+        cause: reason as a clause.
     """
 
     kind: ClassVar[str] = "not_one_feature"
@@ -358,14 +358,14 @@ class EdgeAlongFace(Finding):
 
 @dataclass(frozen=True, slots=True)
 class EdgeAtOnePlace(Finding):
-    """The sensors met the edge at one place only."""
+    """The sensors crossed the edge at one place only."""
 
     kind: ClassVar[str] = "edge_at_one_place"
 
 
 @dataclass(frozen=True, slots=True)
-class EdgeMetRarely(Finding):
-    """The sensors met the edge at too few places.
+class FewEdgeCrossings(Finding):
+    """The sensors crossed the edge at too few places.
 
     Attributes:
         count: number of crossings.
@@ -419,7 +419,7 @@ class EdgeOffFace(Finding):
 
 @dataclass(frozen=True, slots=True)
 class FaceEndsElsewhere(Finding):
-    """Between the places where an edge was met, the face does not end at that line.
+    """Between the places where an edge was crossed, the face does not end at that line.
 
     Attributes:
         beyond: whether the face continues beyond the line; otherwise it ends before it.
@@ -475,13 +475,14 @@ class BoreTooNarrow(Finding):
 
 
 @dataclass(frozen=True, slots=True)
-class RimMetRarely(Finding):
-    """The rim was met at too few places to determine its circle.
+class FewRimPlaces(Finding):
+    """The rim was crossed at too few places to determine its circle.
 
     Attributes:
         count: number of places.
-        cause: ``few``, ``spread``, ``open`` or ``alone``.
-        angle: angle without a place [rad]; NaN unless it is open.
+        cause: ``few``: too few to check each other; ``spread``: they cover too little of the circle; ``open``: none
+            within ``angle``; ``alone``: one is far from all others.
+        angle: angle of the circle without a place [rad]; NaN unless the cause is ``open``.
     """
 
     kind: ClassVar[str] = "rim_met_rarely"
@@ -532,8 +533,8 @@ class NoTwoRings(Finding):
 
 
 @dataclass(frozen=True, slots=True)
-class WallMetRarely(Finding):
-    """The wall was met at too few places.
+class FewWallPlaces(Finding):
+    """The wall was read at too few places.
 
     Attributes:
         count: number of places.
@@ -588,8 +589,8 @@ class StepFailed(Finding):
 
     Attributes:
         step: name of the step.
-        cause: why it failed.
-        before: what the hand found before this step, if it matters.
+        cause: reason of the failure.
+        before: finding of an earlier step that the sentence repeats; None for none.
     """
 
     kind: ClassVar[str] = "step_failed"

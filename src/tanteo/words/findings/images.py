@@ -91,7 +91,7 @@ class EdgesFitBadly(Finding):
     """The edges of the image fit the best answer badly.
 
     Attributes:
-        p_value: of the fit.
+        p_value: p-value of the fit.
     """
 
     kind: ClassVar[str] = "edges_fit_badly"

@@ -1,4 +1,4 @@
-"""Oddities of the input, and what the user may have meant otherwise."""
+"""Findings on the input: oddities, and other meanings that would fit."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Stuck(Finding):
 
 @dataclass(frozen=True, slots=True)
 class TooFarApart(Finding):
-    """The readings lie farther apart than any part is wide, as millimetres would that are taken for metres.
+    """The readings are farther apart than any part is wide, as if millimetres were read as metres.
 
     Attributes:
         distance: median distance of the readings from their middle [m].
@@ -96,7 +96,7 @@ class TooNarrow(Finding):
 
 @dataclass(frozen=True, slots=True)
 class SpreadQuestion(Finding):
-    """The standard deviation of the readings is one that no sensor of such parts has.
+    """The standard deviation of the readings is far too large or too small for a sensor of such parts.
 
     Attributes:
         sd: median standard deviation [m].
@@ -115,7 +115,7 @@ class DirectionsQuestion(Finding):
     """Directions lead out of the material.
 
     Attributes:
-        share: share of the readings whose direction does.
+        share: fraction of the readings whose direction does.
     """
 
     kind: ClassVar[str] = "directions"
@@ -129,7 +129,7 @@ class NormalsQuestion(Finding):
     """Sensed normals point into the material.
 
     Attributes:
-        share: share of the readings whose normal does.
+        share: fraction of the readings whose normal does.
     """
 
     kind: ClassVar[str] = "normals"
@@ -176,7 +176,7 @@ class Convention(Finding):
 
 @dataclass(frozen=True, slots=True)
 class HandConvention(Convention):
-    """The poses of the hand may be meant otherwise."""
+    """The poses of the hand fit by another convention."""
 
     kind: ClassVar[str] = "hand"
     subject: ClassVar[str] = "the columns of the hand's pose"
@@ -184,7 +184,7 @@ class HandConvention(Convention):
 
 @dataclass(frozen=True, slots=True)
 class DirectionsConvention(Convention):
-    """The directions may be meant otherwise."""
+    """The directions fit by another convention."""
 
     kind: ClassVar[str] = "directions"
     subject: ClassVar[str] = "the signs of the directions (dx, dy, dz)"
@@ -192,7 +192,7 @@ class DirectionsConvention(Convention):
 
 @dataclass(frozen=True, slots=True)
 class NormalsConvention(Convention):
-    """The normals may be meant otherwise."""
+    """The normals fit by another convention."""
 
     kind: ClassVar[str] = "normals"
     subject: ClassVar[str] = "the signs of the normals (nx, ny, nz)"
@@ -200,7 +200,7 @@ class NormalsConvention(Convention):
 
 @dataclass(frozen=True, slots=True)
 class UnitsConvention(Convention):
-    """The lengths may be in another unit."""
+    """The lengths fit in another unit."""
 
     kind: ClassVar[str] = "units"
     subject: ClassVar[str] = "the units"
@@ -208,7 +208,7 @@ class UnitsConvention(Convention):
 
 @dataclass(frozen=True, slots=True)
 class MirrorConvention(Convention):
-    """The readings may be in a left-handed frame."""
+    """The readings fit in a left-handed frame."""
 
     kind: ClassVar[str] = "mirror"
     subject: ClassVar[str] = "the order and the signs of the columns x, y, z"
@@ -222,7 +222,7 @@ class OffsetQuestion(Finding):
         part: name of the part that fits then.
         fitting: number of readings that fit.
         count: number of readings that were tried.
-        offset: how much farther the surface is than it was read [m].
+        offset: distance by which the surface is farther than it was read [m].
         touched: whether a tip touched; otherwise a range sensor measured.
         given: number of all readings, where only some were tried; otherwise 0.
     """

@@ -21,7 +21,7 @@ class PairingsFree(Finding):
     """The pairings leave motions unobserved.
 
     Attributes:
-        motions: these motions, in words.
+        motions: these motions as text.
     """
 
     kind: ClassVar[str] = "pairings_free"
@@ -34,7 +34,7 @@ class PairingsContradict(Finding):
     """The pairings contradict each other.
 
     Attributes:
-        p_value: of their joint test.
+        p_value: p-value of their joint test.
     """
 
     kind: ClassVar[str] = "pairings_contradict"

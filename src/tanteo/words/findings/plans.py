@@ -10,7 +10,7 @@ from tanteo.words.findings.base import Finding, Role
 
 @dataclass(frozen=True, slots=True)
 class PlanGoal:
-    """What a plan is for.
+    """Goal of a plan: part, feature and tolerance.
 
     Attributes:
         part: name of the part.
@@ -40,7 +40,7 @@ class NoReadingNeeded(Finding):
 
 @dataclass(frozen=True, slots=True)
 class PlanResult(Finding):
-    """What the readings of a plan achieve.
+    """Accuracy after the readings of a plan.
 
     Attributes:
         goal: goal of the plan.
@@ -48,8 +48,8 @@ class PlanResult(Finding):
         count: number of readings.
         sd: largest corner sd, or sd of the feature, after the readings [m].
         within: probability that the tolerance is kept, over all placements.
-        if_met: the same probability if every reading meets its face.
-        all_meet: fraction of the placements at which every reading meets its face.
+        if_all_meet: the same probability if every reading hits its face.
+        all_meet: fraction of the placements at which every reading hits its face.
         better_start: whether a better prior pose would help; otherwise a better sensor or another approach.
     """
 
@@ -60,7 +60,7 @@ class PlanResult(Finding):
     count: int
     sd: float
     within: float
-    if_met: float
+    if_all_meet: float
     all_meet: float
     better_start: bool = False
 
@@ -103,7 +103,7 @@ class FaceOftenMissed(Finding):
 
     Attributes:
         reading: number of the reading, from 1.
-        meets: fraction of the placements at which it meets its face.
+        meets: fraction of the placements at which it hits its face.
         within: probability that the plan keeps the tolerance.
     """
 
@@ -119,7 +119,7 @@ class StartTooClose(Finding):
     """Some starts of readings, or the paths to them, may be too close to the part.
 
     Attributes:
-        fraction: fraction of the placements at which this is so.
+        fraction: fraction of the placements with such a start or path.
         clearance: clearance that the probe needs [m].
     """
 
@@ -134,7 +134,7 @@ class ReadingDiscriminates(Finding):
 
     Attributes:
         parts: names of the parts.
-        ranges: expected range for each part [m]; infinite if nothing is met.
+        ranges: expected range for each part [m]; infinite without an echo.
         echoes: fraction of the placements of each part at which a wide beam has an echo.
         information: expected information about the part [nats]; ln 2 decides it.
     """

@@ -9,8 +9,8 @@ from tanteo.words.findings.base import Finding, Role
 
 
 @dataclass(frozen=True, slots=True)
-class NothingMet(Finding):
-    """No reading of a session has met a part yet."""
+class NoContact(Finding):
+    """No reading of a session has hit a part yet."""
 
     kind: ClassVar[str] = "nothing_met"
     role: ClassVar[Role] = "verdict"
@@ -18,7 +18,7 @@ class NothingMet(Finding):
 
 @dataclass(frozen=True, slots=True)
 class EmptySpace(Finding):
-    """Beams met nothing at every place where the part may be."""
+    """Beams had no echo at every place where the part may be."""
 
     kind: ClassVar[str] = "empty_space"
     role: ClassVar[Role] = "verdict"
@@ -133,8 +133,8 @@ class NoClearPath(Finding):
     """Hand or machine has no clear path to one reading, or to many readings in succession.
 
     Attributes:
-        device: what moves, ``hand`` or ``machine``.
-        last: whether the run ends because of it.
+        device: moving device, ``hand`` or ``machine``.
+        last: whether the run ends for this reason.
     """
 
     kind: ClassVar[str] = "no_clear_path"
@@ -183,14 +183,14 @@ class NoEcho(Finding):
 
 @dataclass(frozen=True, slots=True)
 class BeamsFree(Finding):
-    """The sensors met nothing within their range."""
+    """The sensors had no echo within their range."""
 
     kind: ClassVar[str] = "beams_free"
 
 
 @dataclass(frozen=True, slots=True)
-class FurnitureMet(Finding):
-    """Some beams met furniture.
+class FurnitureHit(Finding):
+    """Some beams hit furniture.
 
     Attributes:
         count: number of these beams.

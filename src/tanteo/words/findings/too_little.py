@@ -1,4 +1,4 @@
-"""Verdicts on readings that any part fits: what they leave open, and what to sense."""
+"""Verdicts on readings that any part fits: the reason, from which the advice follows."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class AllOnFurniture(Finding):
 
 @dataclass(frozen=True, slots=True)
 class NothingSensed(Finding):
-    """No reading met a surface."""
+    """No reading hit a surface."""
 
     kind: ClassVar[str] = "nothing_sensed"
     role: ClassVar[Role] = "verdict"
@@ -33,7 +33,7 @@ class NothingSensed(Finding):
 
 @dataclass(frozen=True, slots=True)
 class OneCentre(Finding):
-    """The centre of one round feature is all that is known.
+    """The readings determine the centre of one round feature and nothing else.
 
     Attributes:
         slides: whether the part may also slide along the axis through the centre.
@@ -46,7 +46,7 @@ class OneCentre(Finding):
 
 @dataclass(frozen=True, slots=True)
 class TwoCentres(Finding):
-    """The centres of two round features are all that is known.
+    """The readings determine the centres of two round features and nothing else.
 
     Attributes:
         slides: whether the part may also slide along the axes through the centres.

@@ -1,4 +1,4 @@
-"""Verdicts on readings: which part it is and where, or why this is not known."""
+"""Verdicts on readings: part and pose, or the reason why they are not known."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class Located(Finding):
 
     Attributes:
         part: name of the part.
-        probability: its posterior; NaN where it is as sure as usual.
+        probability: its posterior; NaN if it is too high to be reported.
         corner_sd: largest corner sd [m].
-        others: what else it may be, most probable first.
+        others: other parts that are possible, with their probabilities, most probable first.
     """
 
     kind: ClassVar[str] = "located"
@@ -34,10 +34,10 @@ class PoseWithin(Finding):
 
     Attributes:
         part: name of the part.
-        probability: its posterior; NaN where it is as sure as usual.
-        tolerance: of the goal [m].
+        probability: its posterior; NaN if it is too high to be reported.
+        tolerance: tolerance of the goal [m].
         feature: feature of the part that the tolerance is about; empty for the whole part.
-        others: what else it may be.
+        others: other parts that are possible, with their probabilities, most probable first.
     """
 
     kind: ClassVar[str] = "pose_within"
@@ -55,8 +55,8 @@ class SeveralPoses(Finding):
 
     Attributes:
         part: name of the part.
-        probability: its posterior over all poses; NaN where it is as sure as usual.
-        others: what else it may be.
+        probability: its posterior over all poses; NaN if it is too high to be reported.
+        others: other parts that are possible, with their probabilities, most probable first.
     """
 
     kind: ClassVar[str] = "several_poses"
@@ -117,8 +117,8 @@ class FreeMotions(Finding):
 
     Attributes:
         part: name of the part.
-        motions: the unobserved directions, in words.
-        face: what to sense to observe the first one; empty if nothing is known.
+        motions: the unobserved directions as text.
+        face: face to sense to observe the first one; empty if none is known.
     """
 
     kind: ClassVar[str] = "free_motions"
@@ -143,7 +143,7 @@ class UnknownObject(Finding):
     Attributes:
         unknown: its probability.
         part: name of the closest part.
-        probability: posterior of that.
+        probability: posterior of that part.
     """
 
     kind: ClassVar[str] = "unknown_object"
@@ -194,7 +194,7 @@ class Contradicted(Finding):
 
     Attributes:
         part: name of the part.
-        p_value: of the joint test.
+        p_value: p-value of the joint test.
         worst: the reading that contradicts it most; None if no reading is far off.
         significance: significance level of the test.
     """
@@ -213,7 +213,7 @@ class PriorContradicted(Finding):
 
     Attributes:
         part: name of the part.
-        p_value: of the prior.
+        p_value: p-value of the distance from the prior.
         significance: significance level of the test.
     """
 

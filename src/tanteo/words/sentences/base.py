@@ -18,12 +18,12 @@ def words_of(finding: Finding) -> Words:
 
 
 def sentence(finding: Finding) -> str:
-    """Return a finding in words."""
+    """Return a finding as text: what is found, then what to do."""
     return " ".join(filter(None, words_of(finding)))
 
 
 def headline_of(findings: Iterable[Finding]) -> str:
-    """Return the verdict in words without advice; empty if there is no verdict."""
+    """Return the verdict as text without advice; empty if there is no verdict."""
     return _split(findings)[0]
 
 

@@ -16,13 +16,13 @@ _PARAMETERS = {
     "ry": "the beam's direction (rotation about y)",
     "scale": "the scale",
 }
-"""Parameters of a beam in words."""
+"""Text of the parameters of a beam."""
 
 _TURN = "Turn the hand about two axes across the beam between readings, by 20 degrees or more, and change the range."
 
 
 def parameter_words(one: f.Undetermined) -> str:
-    """Return the parameters of a combination in words, without the sensor."""
+    """Return the parameters of a combination as text, without the sensor."""
     first, *others = (_PARAMETERS[name] for name in one.parameters)
     return f"{first} apart from {' and '.join(others)}" if others else first
 

@@ -143,4 +143,4 @@ def _(one: f.FreeSpaceCrossed) -> Words:
     named = ", ".join(f"{name} (by {millimetres(length)})" for name, length in off[:_MOST_NAMES])
     rest = f" and {len(off) - _MOST_NAMES} more" if len(off) > _MOST_NAMES else ""
     which = f": {named}{rest}" if named else ""
-    return f"{one.part} blocks {len(off)} of {one.count} paths on which nothing was met{which}.", ""
+    return f"{one.part} blocks {len(off)} of {one.count} free-space paths{which}.", ""

@@ -42,7 +42,7 @@ def _degrees(angle: float) -> str:
     return "some degrees" if math.isnan(angle) else f"{math.degrees(angle):.0f} deg"
 
 
-def _rim_cause(one: f.RimMetRarely) -> str:
+def _rim_cause(one: f.FewRimPlaces) -> str:
     """Return why the places do not determine the circle of a rim."""
     return {
         "few": "too few to check each other",
@@ -63,7 +63,7 @@ def _(one: f.AtRest) -> Words:
 
 
 @words_of.register
-def _(one: f.LookedAround) -> Words:
+def _(one: f.SurroundingsScanned) -> Words:
     return "The hand scanned its surroundings.", ""
 
 
@@ -161,7 +161,7 @@ def _(one: f.NotCrossed) -> Words:
 
 
 @words_of.register
-def _(one: f.NoRoom) -> Words:
+def _(one: f.NoSpace) -> Words:
     return f"There is no free space for the hand {one.place}.", ""
 
 
@@ -225,18 +225,18 @@ def _(one: f.EdgeAlongFace) -> Words:
 
 @words_of.register
 def _(one: f.EdgeAtOnePlace) -> Words:
-    return "The sensors met the edge at one place only.", ""
+    return "The sensors crossed the edge at one place only.", ""
 
 
 @words_of.register
-def _(one: f.EdgeMetRarely) -> Words:
+def _(one: f.FewEdgeCrossings) -> Words:
     where = "and one place is far from all others" if one.alone else "at too few places"
-    return f"The edge was met {_count(one.count, 'time')}, {where}.", ""
+    return f"The edge was crossed {_count(one.count, 'time')}, {where}.", ""
 
 
 @words_of.register
 def _(one: f.EdgesMixed) -> Words:
-    return f"An edge was met {_count(one.count, 'time')}, and this one only {_count(one.own, 'time')}.", ""
+    return f"An edge was crossed {_count(one.count, 'time')}, and this one only {_count(one.own, 'time')}.", ""
 
 
 @words_of.register
@@ -284,8 +284,8 @@ def _(one: f.BoreTooNarrow) -> Words:
 
 
 @words_of.register
-def _(one: f.RimMetRarely) -> Words:
-    return f"The rim was met at {_count(one.count, 'place')}, {_rim_cause(one)}.", ""
+def _(one: f.FewRimPlaces) -> Words:
+    return f"The rim was crossed at {_count(one.count, 'place')}, {_rim_cause(one)}.", ""
 
 
 @words_of.register
@@ -308,9 +308,9 @@ def _(one: f.NoTwoRings) -> Words:
 
 
 @words_of.register
-def _(one: f.WallMetRarely) -> Words:
-    met = f"{one.count} of {_count(one.tried, 'place')}"
-    return f"The wall was met at {met}, {millimetres(one.depth)} below the rim.", ""
+def _(one: f.FewWallPlaces) -> Words:
+    read = f"{one.count} of {_count(one.tried, 'place')}"
+    return f"The wall was read at {read}, {millimetres(one.depth)} below the rim.", ""
 
 
 @words_of.register

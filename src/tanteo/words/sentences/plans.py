@@ -43,9 +43,9 @@ def _(one: f.NoReadingNeeded) -> Words:
 
 @words_of.register
 def _(one: f.PlanResult) -> Words:
-    met = f"{one.if_met:.3f} if every reading meets its face, as at {one.all_meet:.0%} of the placements"
+    hit = f"{one.if_all_meet:.3f} if every reading hits its face, as at {one.all_meet:.0%} of the placements"
     within = f"{one.within:.3f}" if one.reached else _at_least(one.within)
-    chances = f"P = {within} over all placements; {met}"
+    chances = f"P = {within} over all placements; {hit}"
     places = "1 reading places" if one.count == 1 else f"{one.count} readings place"
     if one.reached:
         return f"{places} {_aim(one.goal)} ({chances}). After them: {_spread(one.goal, one.sd)}.", ""
@@ -74,7 +74,7 @@ def _(one: f.PriorTooWide) -> Words:
 @words_of.register
 def _(one: f.FaceOftenMissed) -> Words:
     return (
-        f"The prior pose is too uncertain: reading {one.reading} would meet its face at {one.meets:.0%} of the "
+        f"The prior pose is too uncertain: reading {one.reading} would hit its face at {one.meets:.0%} of the "
         f"placements (P = {_at_least(one.within)})."
     ), "Give a better prior pose before you plan."
 

@@ -10,13 +10,13 @@ from tanteo.words.sentences.base import Words, words_of
 
 
 @words_of.register
-def _(one: f.NothingMet) -> Words:
-    return "No reading has met a part yet.", ""
+def _(one: f.NoContact) -> Words:
+    return "No reading has hit a part yet.", ""
 
 
 @words_of.register
 def _(one: f.EmptySpace) -> Words:
-    return "Beams met nothing at every place where the part may be.", "Check the prior pose and the parts."
+    return "Beams had no echo at every place where the part may be.", "Check the prior pose and the parts."
 
 
 @words_of.register
@@ -121,12 +121,12 @@ def _(one: f.NoEcho) -> Words:
 
 @words_of.register
 def _(one: f.BeamsFree) -> Words:
-    return "Nothing was met within the range.", ""
+    return "No surface is within the range.", ""
 
 
 @words_of.register
-def _(one: f.FurnitureMet) -> Words:
-    return f"{readings(one.count)} met furniture.", ""
+def _(one: f.FurnitureHit) -> Words:
+    return f"{readings(one.count)} hit furniture.", ""
 
 
 @words_of.register

@@ -1,6 +1,6 @@
-// The axes and faces of many parts, of which arrays lie in mapped files: poses and nats of sensed centres on each.
+// Bindings of the comparison of sensed centres and planes with axes and faces of many parts, from arrays in mapped files.
 #include "proposals/axes.hpp"
-#include "bindings/catalogue_door.hpp"
+#include "bindings/catalogue_arguments.hpp"
 
 namespace tanteo {
 
@@ -11,7 +11,7 @@ std::vector<SensedCentre> centres_of(const Doubles& rows) {
     for (size_t k = 0; k < out.size(); ++k) {
         const double* x = rows.data() + 13 * k;
         if (!(x[6] > 0 && x[7] > 0 && x[9] > 0)) refuse("centres", "expected positive standard deviations");
-        if (!(x[12] >= 0 && x[12] < ModelAxes::KINDS)) refuse("centres", "expected kinds of points that there are");
+        if (!(x[12] >= 0 && x[12] < ModelAxes::KINDS)) refuse("centres", "expected numbers of known kinds");
         SensedCentre& own = out[k];
         own.at = load(x);
         own.axis = load(x + 3);
@@ -29,25 +29,25 @@ std::vector<SensedCentre> centres_of(const Doubles& rows) {
 Out axes_lack(Floats axes, Starts starts, Ints rows, Doubles centres) {
     const std::vector<int> chosen = expect(rows, "rows", ANY, 0, static_cast<int64_t>(starts.size()) - 2);
     const Table table(axes, starts, ModelAxes::COLUMNS, "axes", chosen);
-    const std::vector<SensedCentre> felt = centres_of(centres);
+    const std::vector<SensedCentre> own = centres_of(centres);
     std::vector<double> out(chosen.size());
     {
         nb::gil_scoped_release release;
         for (size_t r = 0; r < out.size(); ++r)
-            out[r] = lacking(ModelAxes(table.begin(chosen[r]), table.count(chosen[r])), felt);
+            out[r] = lacking(ModelAxes(table.begin(chosen[r]), table.count(chosen[r])), own);
     }
     return list_of(std::move(out));
 }
 
 nb::tuple on_axes(Floats axes, Starts axes_start, Floats planes, Starts planes_start, Floats rounds, Starts rounds_start,
                   Doubles unseen, Ints rows, Doubles centres, Doubles sensed, Ints seeds, Doubles poses_before, Ints poses_start,
-                  double limit, double behind, int keep) {
+                  double limit, double gap, int keep) {
     const std::vector<int> chosen = expect(rows, "rows", ANY, 0, static_cast<int64_t>(axes_start.size()) - 2);
     const Table own(axes, axes_start, ModelAxes::COLUMNS, "axes", chosen), flat(planes, planes_start, 7, "planes", chosen);
     const Table round(rounds, rounds_start, 9, "rounds", chosen);
     expect(unseen, "unseen", {axes_start.size() - 1});
     SensedScene scene{centres_of(centres), sensed_planes(sensed)};
-    const std::vector<SensedPlane> felt = scene.planes;
+    const std::vector<SensedPlane> stated = scene.planes;
     const int64_t C = scene.centres.size(), items = C + scene.planes.size();
     const std::vector<int> tried = expect(seeds, "seeds", ANY, -1, items - 1);
     if (tried.size() % 3) refuse("seeds", "expected three numbers each");
@@ -60,21 +60,21 @@ nb::tuple on_axes(Floats axes, Starts axes_start, Floats planes, Starts planes_s
     for (size_t r = 0; r < R; ++r)
         if (from[r] > from[r + 1]) refuse("poses_start", "expected increasing numbers");
     expect(limit, "limit", 0, 1e9);
-    expect(behind, "behind", 0, 1e9);
+    expect(gap, "gap", 0, 1e9);
     BestPoses best(R, K, limit);
     ModelFaces faces;
     std::vector<int32_t> all(R, 0);
     {
         nb::gil_scoped_release release;
-        double near = limit;  // what is farther behind the best so far does not matter
+        double near = limit;  // costs beyond a gap to the best so far are not needed
         for (size_t r = 0; r < R; ++r) {
             const ModelAxes model(own.begin(chosen[r]), own.count(chosen[r]));
-            for (size_t k = 0; k < felt.size(); ++k) scene.planes[k].most = most_of(felt[k], unseen.data()[chosen[r]]);
+            for (size_t k = 0; k < stated.size(); ++k) scene.planes[k].most = most_of(stated[k], unseen.data()[chosen[r]]);
             read_faces(flat, round, chosen[r], faces);
             const std::vector<Pose> starts(before.begin() + from[r], before.begin() + from[r + 1]);
             const AxisPoses found = axis_poses(model, faces, scene, tried, starts, near, keep);
             all[r] = found.all;
-            if (!found.best.empty()) near = std::min(near, found.best[0].cost + behind);
+            if (!found.best.empty()) near = std::min(near, found.best[0].cost + gap);
             best.put(r, found.best);
         }
     }
@@ -87,7 +87,7 @@ void offer_axes(nb::module_& m) {
     using namespace nb::literals;
     m.def("axes_lack", &axes_lack, "axes"_a, "starts"_a, "rows"_a, "centres"_a);
     m.def("on_axes", &on_axes, "axes"_a, "axes_start"_a, "planes"_a, "planes_start"_a, "rounds"_a, "rounds_start"_a,
-          "unseen"_a, "rows"_a, "centres"_a, "sensed"_a, "seeds"_a, "poses_before"_a, "poses_start"_a, "limit"_a, "behind"_a, "keep"_a);
+          "unseen"_a, "rows"_a, "centres"_a, "sensed"_a, "seeds"_a, "poses_before"_a, "poses_start"_a, "limit"_a, "gap"_a, "keep"_a);
 }
 
 }  // namespace tanteo

@@ -1,9 +1,9 @@
-// Many parts of a catalogue, of which arrays lie in mapped files: poses and nats of points on each.
+// Bindings of the coarse evaluation of points on many parts of a catalogue, from arrays in mapped files.
 #include "proposals/coarse.hpp"
 
 #include <algorithm>
 
-#include "bindings/catalogue_door.hpp"
+#include "bindings/catalogue_arguments.hpp"
 
 namespace tanteo {
 
@@ -11,7 +11,7 @@ namespace {
 
 using Levels = nb::ndarray<const int8_t, nb::c_contig, nb::device::cpu>;
 
-// Where each part's rows begin, and the last end: increasing, within what there is.
+// First row of each part and the end of the last, checked: increasing, within the array.
 const int64_t* starts_of(const Starts& starts, const char* name, size_t parts, size_t total) {
     if (starts.size() != parts + 1) refuse(name, "expected one more than parts, got " + std::to_string(starts.size()));
     for (size_t k = 0; k < parts; ++k)
@@ -39,7 +39,7 @@ std::vector<CoarsePoint> points_of(const Doubles& at, const Doubles& normals, co
     return out;
 }
 
-// A part's box and field out of the arrays of all.
+// Box and field of each part, from the arrays of all parts.
 class Parts {
   public:
     Parts(Levels field, Starts field_starts, Floats grids, Doubles spacings, Doubles centres, Doubles boxes, double levels)
@@ -84,7 +84,7 @@ class Parts {
     const int64_t* field_at = nullptr;
 };
 
-// Rows of the same kind, one after another: from one of them they have the views to begin with.
+// End of the consecutive rows of one kind, which share the first views.
 size_t end_of_kind(const std::vector<int>& kinds, size_t begin) {
     size_t end = begin;
     while (end < kinds.size() && kinds[end] == kinds[begin]) ++end;
@@ -92,7 +92,7 @@ size_t end_of_kind(const std::vector<int>& kinds, size_t begin) {
 }
 
 nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacings, Doubles centres, Doubles boxes,
-                 double levels, Ints rows, Ints kinds, double best, double behind, Doubles at, Doubles normals, Doubles sds,
+                 double levels, Ints rows, Ints kinds, double best, double gap, Doubles at, Doubles normals, Doubles sds,
                  Doubles tilts, Doubles radii, double most, int stepped, int keep) {
     const Parts parts(field, field_starts, grids, spacings, centres, boxes, expect(levels, "levels", 1, 1e6));
     const std::vector<CoarsePoint> given = points_of(at, normals, sds, tilts, radii);
@@ -123,7 +123,7 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
         }
         for (size_t r = 0; r < R; ++r) {
             std::vector<CoarsePose> found;
-            if (scores[r] <= best + behind) found = coarse_poses(parts.part(chosen[r]), points, std::move(ranked[r]), effort);
+            if (scores[r] <= best + gap) found = coarse_poses(parts.part(chosen[r]), points, std::move(ranked[r]), effort);
             poses.put(r, found);
         }
     }
@@ -135,7 +135,7 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
 void offer_coarse(nb::module_& m) {
     using namespace nb::literals;
     m.def("coarse", &coarse, "field"_a, "field_start"_a, "grid"_a, "spacings"_a, "centres"_a, "boxes"_a, "levels"_a,
-          "rows"_a, "kinds"_a, "best"_a, "behind"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "radii"_a, "most"_a,
+          "rows"_a, "kinds"_a, "best"_a, "gap"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "radii"_a, "most"_a,
           "stepped"_a, "keep"_a);
 }
 

@@ -1,9 +1,9 @@
-// Normal densities of the pose, from arrays of Python.
+// Conversion of normal densities of the pose from arrays of Python.
 #pragma once
 #include <algorithm>
 #include <vector>
 
-#include "bindings/door.hpp"
+#include "bindings/conversion.hpp"
 #include "solve/problem.hpp"
 
 namespace tanteo {

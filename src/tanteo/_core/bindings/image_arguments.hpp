@@ -1,9 +1,9 @@
-// What the doors for images share.
+// Arguments and results that the bindings for images share.
 #pragma once
 #include <algorithm>
 #include <vector>
 
-#include "bindings/door.hpp"
+#include "bindings/conversion.hpp"
 #include "image/image_edge.hpp"
 
 namespace tanteo {
@@ -26,6 +26,6 @@ inline Lens lens_of(const Doubles& camera) {
     return lens;
 }
 
-void offer_image_choices(nb::module_& m);  // image_choice_door.cpp
+void offer_image_choices(nb::module_& m);  // image_choice_bindings.cpp
 
 }  // namespace tanteo

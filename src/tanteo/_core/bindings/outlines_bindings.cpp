@@ -1,5 +1,5 @@
-// Outlines of many parts of a catalogue, whose arrays lie in mapped files.
-#include "bindings/door.hpp"
+// Bindings of the comparison of an outline with many parts of a catalogue, from arrays in mapped files.
+#include "bindings/conversion.hpp"
 #include "image/outlines.hpp"
 #include "parallel.hpp"
 
@@ -7,10 +7,10 @@ namespace tanteo {
 
 namespace {
 
-OutlineSeen seen_of(const Doubles& reach, const Doubles& middle, const Doubles& eye) {
-    OutlineSeen out;
-    expect(reach, "reach", {AROUND});
-    std::copy(reach.data(), reach.data() + AROUND, out.reach.begin());
+ObservedOutline observed_of(const Doubles& reach, const Doubles& middle, const Doubles& eye) {
+    ObservedOutline out;
+    expect(reach, "reach", {DIRECTIONS});
+    std::copy(reach.data(), reach.data() + DIRECTIONS, out.reach.begin());
     expect(middle, "middle", {2});
     std::copy(middle.data(), middle.data() + 2, out.middle);
     out.eye = vector(eye, "eye");
@@ -18,7 +18,7 @@ OutlineSeen seen_of(const Doubles& reach, const Doubles& middle, const Doubles& 
     return out;
 }
 
-// Costs of every way to lie and the poses that have them; `hull` are the points of part k from start[k] to start[k + 1].
+// Costs and poses of every stable pose; the hull points of part k are the rows start[k] to start[k + 1].
 nb::tuple fit_outlines(Floats hull, Starts start, Floats downs, Ints of, Doubles reach, Doubles middle, Doubles eye,
                        double sd, double shadow, double most) {
     if (hull.size() % 3) refuse("hull", "expected three numbers a point");
@@ -28,11 +28,11 @@ nb::tuple fit_outlines(Floats hull, Starts start, Floats downs, Ints of, Doubles
         if (start.data()[k] < 0 || start.data()[k] > start.data()[k + 1]) refuse("hull_start", "expected increasing numbers");
     if (start.data()[parts] > static_cast<int64_t>(hull.size() / 3)) refuse("hull_start", "expected no more than there are");
     const std::vector<int> whose = expect(of, "of", ANY, 0, static_cast<int64_t>(parts) - 1);
-    if (downs.size() != 3 * whose.size()) refuse("downs", "expected three numbers a way to lie");
-    OutlineSeen seen = seen_of(reach, middle, eye);
-    seen.sd = expect(sd, "sd", 1e-9, 1e3);
-    seen.shadow = expect(shadow, "shadow", 1e-6, 1e3);
-    seen.most = expect(most, "most", 1e-6, 1e12);
+    if (downs.size() != 3 * whose.size()) refuse("downs", "expected three numbers for each stable pose");
+    ObservedOutline observed = observed_of(reach, middle, eye);
+    observed.sd = expect(sd, "sd", 1e-9, 1e3);
+    observed.shadow = expect(shadow, "shadow", 1e-6, 1e3);
+    observed.most = expect(most, "most", 1e-6, 1e12);
     std::vector<double> costs(whose.size()), Ts(16 * whose.size());
     {
         nb::gil_scoped_release release;
@@ -44,7 +44,7 @@ nb::tuple fit_outlines(Floats hull, Starts start, Floats downs, Ints of, Doubles
                     points.push_back({p[0], p[1], p[2]});
                 }
                 const float* d = downs.data() + 3 * m;
-                const OutlineFit fit = fit_outline(points, {d[0], d[1], d[2]}, seen);
+                const OutlineFit fit = fit_outline(points, {d[0], d[1], d[2]}, observed);
                 costs[m] = fit.cost;
                 store_pose(fit.pose, &Ts[16 * m]);
             };

@@ -1,4 +1,4 @@
-// Common parts of all bindings: arrays in and out, and errors on invalid arrays.
+// Conversions that all bindings share: arrays in and out, and errors for invalid arrays.
 #pragma once
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
@@ -39,7 +39,7 @@ nb::ndarray<nb::numpy, T> list_of(std::vector<T> values) {
     throw std::invalid_argument(std::string(name) + ": " + what + ".");
 }
 
-constexpr size_t ANY = static_cast<size_t>(-1);  // as many rows as there are
+constexpr size_t ANY = static_cast<size_t>(-1);  // any number of rows
 
 inline std::string as_text(const std::vector<size_t>& sizes) {
     std::string out = "(";

@@ -1,16 +1,16 @@
-// Arguments and results that the bindings for many parts share: tables of faces in mapped files, sensed planes, best poses.
+// Arguments and results of the bindings for many parts: tables of faces in mapped files, sensed planes, best poses.
 #pragma once
 #include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
 
-#include "bindings/door.hpp"
+#include "bindings/conversion.hpp"
 #include "proposals/planes.hpp"
 
 namespace tanteo {
 
-// Rows of an array by part: where they begin, and the last end.
+// Rows of an array by part: first row of each part, and the end of the last.
 struct Table {
     const float* data;
     const int64_t* starts;
@@ -50,8 +50,8 @@ inline std::vector<SensedPlane> sensed_planes(const Doubles& rows) {
     return out;
 }
 
-// Nats of a plane of no compared face: one point with its normal may lie on a face that is not compared, by the share of
-// the part that these faces are.
+// Cost of a plane without a compared face [nats]: one point with its normal may be on a face that is not compared, with the
+// fraction of the area that these faces have.
 inline double most_of(const SensedPlane& plane, double unseen) {
     constexpr double LOOSE = 1.5;
     return plane.alone && unseen > 0 ? std::min(plane.most, LOOSE - std::log(unseen)) : plane.most;

@@ -6,12 +6,12 @@
 
 #include <memory>
 
-#include "bindings/image_door.hpp"
+#include "bindings/image_arguments.hpp"
 #include "parallel.hpp"
 #include "factors/alternatives.hpp"
 #include "factors/image_edges.hpp"
 #include "factors/normal_poses.hpp"
-#include "bindings/normal_poses_door.hpp"
+#include "bindings/normal_poses_arguments.hpp"
 #include "factors/stable_poses.hpp"
 
 namespace tanteo {
@@ -85,8 +85,9 @@ std::shared_ptr<ImageEdges> image_edges(std::shared_ptr<EdgePart> part, std::sha
                                         static_cast<int>(expect(first, "first", 0, 1e3)));
 }
 
-// The sums behind the density at states, a row each: log density, that edges are there, hits, misses, spilled area [px^2], log of where edges
-// are, chi-square of offsets, independent ones in it, squares of offsets [px^2], samples met.
+// The sums of the log density of an image at states, one row each: log density, its part by the presence of edges, hits,
+// misses, spilled area [px^2], log density by the positions of edges, chi-square of offsets, number of independent offsets,
+// squares of offsets [px^2], matched samples.
 Out image_sums(const ImageEdges& term, Doubles Ts, Doubles shared) {
     const std::vector<Pose> all = poses(Ts);
     const size_t D = shared.ndim() == 2 ? shared.shape(1) : 0;
@@ -100,7 +101,7 @@ Out image_sums(const ImageEdges& term, Doubles Ts, Doubles shared) {
                 const double* z = shared.data() + D * k;
                 const ImageEdges::Sums s = term.sums({all[k], std::vector<double>(z, z + D)});
                 const double values[10] = {s.log, s.there, s.hits,  s.misses,  s.spilled, s.located,
-                                          s.chi2, s.draws, s.squares, s.met};
+                                          s.chi2, s.draws, s.squares, s.matched};
                 std::copy(values, values + 10, &out[10 * k]);
             };
         });

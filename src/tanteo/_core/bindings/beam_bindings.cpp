@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "shape/bundle.hpp"
-#include "bindings/door.hpp"
+#include "bindings/conversion.hpp"
 
 namespace tanteo {
 
@@ -14,20 +14,20 @@ using namespace nb::literals;
 
 constexpr double GRAZING = 1e-3;  // least cosine of incidence by which derivatives are divided
 
-// How the range moves with the pose, part frame: of a ray that meets a plane of normal n at x.
+// Derivative of the range by the pose, part frame, for a ray that hits a plane with normal n at x.
 void derivative(const Vec3& x, const Vec3& n, double cosine, double* out) {
     const double per = -1 / std::max(cosine, GRAZING);
     store(per * n, out);
     store(per * cross(x, n), out + 3);
 }
 
-// Of beams from C places, one direction of each or one at every pose, at S poses (C, S): ranges, infinite for a miss,
-// cosines of incidence, faces, -1 for a miss, and derivatives of the ranges by the pose.
+// Casts beams from C origins, each with one direction or one for every pose, at S poses. Returns (C, S): ranges, infinite
+// for a miss; cosines of incidence; faces, -1 for a miss; and derivatives of the ranges by the pose (C, S, 6).
 nb::tuple beams(const Shape& shape, Doubles Ts, Doubles origins, Doubles directions) {
     const std::vector<Pose> at = poses(Ts);
     const std::vector<Vec3> from = vectors(origins, "origins");
     const size_t S = at.size(), C = from.size(), each = directions.ndim() == 3 ? directions.shape(1) : 1;
-    if (each != 1 && each != S) refuse("directions", "expected one of each beam, or one at every pose");
+    if (each != 1 && each != S) refuse("directions", "expected one for each beam, or one for each beam and pose");
     expect(directions, "directions", {C, each, 3});
     std::vector<double> ranges(C * S, std::numeric_limits<double>::infinity()), cosines(C * S), derivatives(6 * C * S);
     std::vector<int32_t> faces(C * S, -1);
@@ -64,7 +64,7 @@ double variance(const double* g, const double* A) {  // A is symmetric
     return sum;
 }
 
-// Variances of ranges (K, C, S) by derivatives (C, S, 6) and K covariances of the pose of every sample, symmetric
+// Variances of ranges (K, C, S) from derivatives (C, S, 6) and K symmetric covariances of the pose of every sample
 // (K, S, 6, 6).
 Out spreads(Doubles derivatives, Doubles covariances) {
     const size_t S = derivatives.ndim() == 3 ? derivatives.shape(1) : 0, C = expect(derivatives, "derivatives", {ANY, S, 6});

@@ -1,8 +1,8 @@
-// The door for what is chosen among: places of a drawing, poses.
+// Bindings that choose among image candidates: positions of a drawing, distinct poses, nearest pixels.
 #include <nanobind/stl/tuple.h>
 
 #include "shape/bvh.hpp"
-#include "bindings/image_door.hpp"
+#include "bindings/image_arguments.hpp"
 #include "image/image_slide.hpp"
 
 namespace tanteo {
@@ -11,7 +11,7 @@ namespace {
 
 using namespace nb::literals;
 
-// The best yaws and places of a drawing that is slid over an image, and their costs (see slid).
+// The best yaws and positions of a drawing that is slid over an image, and their costs (see slid).
 nb::tuple slide_edges(const EdgeFrame& frame, Doubles camera, Doubles yaws, Doubles centre, Doubles inner,
                       Floats distances, Flags bare, Doubles places, double cell, int margin, int samples,
                       double most, double penalty, double apart, int keep) {
@@ -22,14 +22,14 @@ nb::tuple slide_edges(const EdgeFrame& frame, Doubles camera, Doubles yaws, Doub
     if (distances.ndim() != 3 || distances.size() == 0) refuse("distances", "expected channels x rows x columns");
     if (bare.size() * distances.shape(0) != distances.size()) refuse("bare", "expected as many rows and columns");
     expect(places, "places", {ANY, 2});
-    if (samples < 1 || keep < 1 || margin < 1) refuse("keep", "expected 1 or more, of samples and margin, too");
+    if (samples < 1 || keep < 1 || margin < 1) refuse("keep", "expected keep, samples and margin of 1 or more");
     const SlideTables tables{distances.data(), bare.data(), static_cast<int64_t>(distances.shape(1)),
                              static_cast<int64_t>(distances.shape(2)), expect(cell, "cell", 1e-3, 1e9),
                              margin, Channels(distances.shape(0))};
     std::vector<Pixel> at;
     for (size_t k = 0; k + 1 < places.size(); k += 2) {
         at.push_back({places.data()[k], places.data()[k + 1]});
-        if (tables.cell_of(at.back()) < 0) refuse("places", "expected some inside of the margin of the tables");
+        if (tables.cell_of(at.back()) < 0) refuse("places", "expected places inside the margin of the tables");
     }
     std::vector<Slid> found;
     {
@@ -49,7 +49,7 @@ nb::tuple slide_edges(const EdgeFrame& frame, Doubles camera, Doubles yaws, Doub
                           array_of(std::move(cost), {n}));
 }
 
-// Those of B sets of points, in an order, of which some point is farther than a limit from that of every one kept.
+// Indices of B sets of points, in a given order, that differ from every kept one by more than a limit in some point.
 OutInts far_apart(Doubles points, Ints order, double limit) {
     const size_t B = points.ndim() ? points.shape(0) : 0, N = points.ndim() > 1 ? points.shape(1) : 0;
     expect(points, "points", {B, N, 3});
@@ -71,7 +71,7 @@ OutInts far_apart(Doubles points, Ints order, double limit) {
     return array_of(std::move(kept), {n});
 }
 
-// Which of the pixels is nearest to each place; -1 where none is within reach.
+// Index of the pixel nearest to each place; -1 if none is within reach.
 OutInts nearest_pixels(Doubles pixels, Doubles places, double reach) {
     std::vector<Box> boxes(expect(pixels, "pixels", {ANY, 2}));
     std::vector<int32_t> out(expect(places, "places", {ANY, 2}), -1);

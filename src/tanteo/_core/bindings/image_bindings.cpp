@@ -1,10 +1,10 @@
-// The door for edges of a part at poses of the camera: which are seen, what they meet, where they meet it best.
+// Bindings for edges of a part at poses of the camera: their visibility, matches in an image, and refinement of the pose.
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/tuple.h>
 
 #include <memory>
 
-#include "bindings/image_door.hpp"
+#include "bindings/image_arguments.hpp"
 #include "image/image_frame.hpp"
 
 namespace tanteo {
@@ -42,21 +42,21 @@ EdgePoints edge_points(const Ints& nearest, const Doubles& pixels, const Doubles
             static_cast<int64_t>(nearest.shape(2)), pixels.data(), sds.data(), Channels(nearest.shape(0))};
 }
 
-// Which samples make edges at poses, and at which of them the part ends.
-nb::tuple see_edges(const EdgeFrame& frame, Doubles Ts, bool hidden) {
+// Which samples are visible edges at poses, and which are on the outline of the part.
+nb::tuple visible_edges(const EdgeFrame& frame, Doubles Ts, bool hidden) {
     const std::vector<Pose> all = poses(Ts);
     const size_t N = frame.size(), B = all.size();
     std::vector<char> shown(B * N), rims(B * N);
     {
         nb::gil_scoped_release release;
-        for (size_t b = 0; b < B; ++b) frame.see(all[b], hidden, shown.data() + b * N, rims.data() + b * N);
+        for (size_t b = 0; b < B; ++b) frame.mark(all[b], hidden, shown.data() + b * N, rims.data() + b * N);
     }
     return nb::make_tuple(flags_of(shown, {B, N}), flags_of(rims, {B, N}));
 }
 
-// Samples of edges at poses: numbers (x, y, normal, span, offset, sd, slope), the edge points or -1, whether they are
-// in the image.
-nb::tuple meet_edges(const EdgeFrame& frame, Doubles camera, Ints nearest, Doubles pixels, Doubles sds, Doubles Ts,
+// Matches of samples of edges at poses: numbers (x, y, normal, span, offset, sd, slope), the edge points or -1, whether
+// they are in the image.
+nb::tuple match_edges(const EdgeFrame& frame, Doubles camera, Ints nearest, Doubles pixels, Doubles sds, Doubles Ts,
                      Flags shown, double reach) {
     const Lens lens = lens_of(camera);
     const std::vector<Pose> all = poses(Ts);
@@ -71,35 +71,35 @@ nb::tuple meet_edges(const EdgeFrame& frame, Doubles camera, Ints nearest, Doubl
         for (size_t b = 0; b < B; ++b)
             for (size_t n = 0; n < N; ++n) {
                 const size_t row = b * N + n;
-                const EdgeMet met =
-                    meet_edge(lens, table, frame.samples[n], all[b], shown.data()[row], frame.diagonal, reach);
+                const EdgeMatch match =
+                    match_edge(lens, table, frame.samples[n], all[b], shown.data()[row], frame.diagonal, reach);
                 double* out = &numbers[13 * row];
-                for (const double v : {met.x, met.y, met.nx, met.ny, met.span, met.offset, met.sd}) *out++ = v;
-                std::copy(met.slope, met.slope + 6, out);
-                which[row] = met.point;
-                inside[row] = met.inside;
+                for (const double v : {match.x, match.y, match.nx, match.ny, match.span, match.offset, match.sd}) *out++ = v;
+                std::copy(match.slope, match.slope + 6, out);
+                which[row] = match.point;
+                inside[row] = match.inside;
             }
     }
     return nb::make_tuple(array_of(std::move(numbers), {B, N, 13}), array_of(std::move(which), {B, N}),
                           flags_of(inside, {B, N}));
 }
 
-// Poses at which the edges meet better (see refined); asked: rounds in which it is asked anew what is hidden.
+// Poses refined on the edges of an image (see refined); visibility: rounds that compute the visibility of edges again.
 Out refine_edges(const EdgeFrame& frame, Doubles camera, Ints nearest, Doubles pixels, Doubles sds, Doubles Ts,
-                 Doubles starts, Doubles priors, Doubles reaches, Flags asked, double bias, double correlation) {
+                 Doubles starts, Doubles priors, Doubles reaches, Flags visibility, double bias, double correlation) {
     const Lens lens = lens_of(camera);
     const EdgePoints table = edge_points(nearest, pixels, sds);
     std::vector<Pose> all = poses(Ts);
-    const std::vector<Pose> held = poses(starts, "starts");
+    const std::vector<Pose> means = poses(starts, "starts");
     expect(starts, "starts", {all.size(), 4, 4});
     expect(priors, "priors", {all.size(), 6, 6});
     std::vector<Round> rounds(expect(reaches, "reaches", {ANY}));
-    if (asked.size() != rounds.size()) refuse("asked", "expected one for each of the reaches");
-    for (size_t k = 0; k < rounds.size(); ++k) rounds[k] = {reaches.data()[k], asked.data()[k]};
+    if (visibility.size() != rounds.size()) refuse("visibility", "expected one for each of the reaches");
+    for (size_t k = 0; k < rounds.size(); ++k) rounds[k] = {reaches.data()[k], visibility.data()[k]};
     {
         nb::gil_scoped_release release;
         for (size_t b = 0; b < all.size(); ++b)
-            all[b] = refined(frame, lens, table, all[b], held[b], priors.data() + 36 * b, rounds, {bias, correlation});
+            all[b] = refined(frame, lens, table, all[b], means[b], priors.data() + 36 * b, rounds, {bias, correlation});
     }
     return poses_out(all);
 }
@@ -110,11 +110,11 @@ void offer_images(nb::module_& m) {
     nb::class_<EdgeFrame>(m, "EdgeFrame").def_prop_ro("size", &EdgeFrame::size);
     m.def("make_edge_frame", &make_edge_frame, "points"_a, "tangents"_a, "normals"_a, "lengths"_a, "sharp"_a,
           "corners"_a, "diagonal"_a, "middle"_a, "slack"_a);
-    m.def("see_edges", &see_edges, "frame"_a, "poses"_a, "hidden"_a);
-    m.def("meet_edges", &meet_edges, "frame"_a, "camera"_a, "nearest"_a, "pixels"_a, "sds"_a, "poses"_a, "shown"_a,
+    m.def("visible_edges", &visible_edges, "frame"_a, "poses"_a, "hidden"_a);
+    m.def("match_edges", &match_edges, "frame"_a, "camera"_a, "nearest"_a, "pixels"_a, "sds"_a, "poses"_a, "shown"_a,
           "reach"_a);
     m.def("refine_edges", &refine_edges, "frame"_a, "camera"_a, "nearest"_a, "pixels"_a, "sds"_a, "poses"_a,
-          "starts"_a, "priors"_a, "reaches"_a, "asked"_a, "bias"_a, "correlation"_a);
+          "starts"_a, "priors"_a, "reaches"_a, "visibility"_a, "bias"_a, "correlation"_a);
     offer_image_choices(m);
 }
 

@@ -1,7 +1,7 @@
-// Round features from points: batches of fits, and distances from one.
+// Bindings of the fit of round features to points, in batches, and of distances from a feature.
 #include <nanobind/stl/vector.h>
 
-#include "bindings/door.hpp"
+#include "bindings/conversion.hpp"
 #include "parallel.hpp"
 #include "solve/rounds.hpp"
 
@@ -23,17 +23,17 @@ Mat3 matrix(const double* p) {
     return out;
 }
 
-// Arrays of a batch; those that are empty are of nothing.
+// Arrays of a batch; an array without data is empty.
 struct RoundBatch {
     Doubles points, covs, normals, normal_sds, outward;
-    RoundTask all;  // what is the same for all
+    RoundTask all;  // data that all fits share
 
     RoundTask task(size_t b, Vec3& mean) const {
         RoundTask out = all;
         const size_t n = points.shape(1), first = b * n;
         mean = {};
         for (size_t i = 0; i < n; ++i) mean += (1.0 / n) * load(points.data() + 3 * (first + i));
-        for (size_t i = 0; i < n; ++i) {  // about their mean: far from the world's origin no digits are lost
+        for (size_t i = 0; i < n; ++i) {  // about their mean, so that no digits are lost far from the world's origin
             const size_t row = first + i;
             out.points.push_back(load(points.data() + 3 * row) - mean);
             out.covs.push_back(matrix(covs.data() + 9 * row));
@@ -49,15 +49,15 @@ struct RoundBatch {
     }
 };
 
-// What goes out of a batch.
+// Results of a batch.
 struct RoundOut {
-    size_t n, k, m;  // m: rows of the frame and one of the size
+    size_t n, k, m;  // m: rows of the frame, and one for the size
     std::vector<double> Ts, sizes, P, gains, frame_gains, residuals, standardised, chi2, rivals, conditions;
-    std::vector<int32_t> settled;
+    std::vector<int32_t> converged;
 
     RoundOut(size_t B, size_t n_, size_t k_, size_t m_)
         : n(n_), k(k_), m(m_), Ts(16 * B), sizes(B), P(B * m * m), gains(B * n * m * 3),
-          frame_gains(B * m * (m - 1)), residuals(B * n * k), standardised(B * n), chi2(B), rivals(B), conditions(B), settled(B) {}
+          frame_gains(B * m * (m - 1)), residuals(B * n * k), standardised(B * n), chi2(B), rivals(B), conditions(B), converged(B) {}
 
     void put(size_t b, const RoundTask& task, const RoundFit& fit, const Vec3& mean) {
         store_pose({fit.state.R, fit.state.c + mean}, &Ts[16 * b]);
@@ -65,14 +65,14 @@ struct RoundOut {
         chi2[b] = fit.at.chi2;
         rivals[b] = fit.rival;
         conditions[b] = fit.condition;
-        settled[b] = fit.settled;
+        converged[b] = fit.converged;
         std::copy(fit.at.e.begin(), fit.at.e.end(), &residuals[b * n * k]);
         put_covariance(b, task, fit);
         put_frame(b, task, fit);
         for (size_t i = 0; i < n; ++i) put_point(b, i, task, fit);
     }
 
-    // Without the part that is due to the shared errors.
+    // Covariance without the contribution of the shared errors.
     void put_covariance(size_t b, const RoundTask& task, const RoundFit& fit) {
         const size_t M = fit.at.M, own = M - task.shared;
         for (size_t i = 0; i < own; ++i)
@@ -83,7 +83,7 @@ struct RoundOut {
             }
     }
 
-    // How an error of the frame that was known beforehand moves the feature.
+    // Derivative of the feature by an error of the known frame.
     void put_frame(size_t b, const RoundTask& task, const RoundFit& fit) {
         const size_t M = fit.at.M, D = task.shared, own = M - D, rows = m - 1;
         if (!task.framed) return;
@@ -96,7 +96,7 @@ struct RoundOut {
             }
     }
 
-    // How a point moves the feature, and its residual in standard deviations.
+    // Derivative of the feature by a point, and the residual of the point in standard deviations.
     void put_point(size_t b, size_t i, const RoundTask& task, const RoundFit& fit) {
         const size_t M = fit.at.M, own = M - task.shared;
         const double *h = &fit.at.h[4 * i * M], *W = &fit.at.W[16 * i];
@@ -138,7 +138,7 @@ void read_frame(const Doubles& frame, const Doubles& information, const Doubles&
 
 nb::tuple fit_rounds(int kind, int surface, Ints rows, Doubles points, Doubles covs, Doubles normals, Doubles normal_sds, Doubles outward, int side, Doubles shared_jacobian, double size, double size_sd, Doubles frame, Doubles frame_information, Doubles frame_jacobian, double limit) {
     const size_t n = points.ndim() == 3 ? points.shape(1) : 0, B = expect(points, "points", {ANY, n, 3});
-    if (!n) refuse("points", "expected one or more a fit");
+    if (!n) refuse("points", "expected one or more for each fit");
     expect(covs, "covs", {B, n, 3, 3});
     if (normals.size()) expect(normals, "normals", {B, n, 3});
     expect(normal_sds, "normal_sds", {normals.size() ? B : 0, n});
@@ -173,7 +173,7 @@ nb::tuple fit_rounds(int kind, int surface, Ints rows, Doubles points, Doubles c
         array_of(std::move(out.Ts), {B, 4, 4}), array_of(std::move(out.sizes), {B}), array_of(std::move(out.P), {B, m, m}),
         array_of(std::move(out.gains), {B, n, m, 3}), array_of(std::move(out.frame_gains), {B, m, m - 1}),
         array_of(std::move(out.residuals), {B, n, k}), array_of(std::move(out.standardised), {B, n}),
-        array_of(std::move(out.chi2), {B}), array_of(std::move(out.rivals), {B}), array_of(std::move(out.settled), {B}),
+        array_of(std::move(out.chi2), {B}), array_of(std::move(out.rivals), {B}), array_of(std::move(out.converged), {B}),
         array_of(std::move(out.conditions), {B}));
 }
 
@@ -195,7 +195,7 @@ nb::tuple round_distances(int surface, Doubles points, double size) {
     return nb::make_tuple(array_of(std::move(F), {n, k}), array_of(std::move(G), {n, k, 3}), array_of(std::move(by_size), {n, k}));
 }
 
-// Centre of the algebraic circle of points seen along z of a rotation.
+// Centre of the algebraic circle of points, projected along z of a rotation.
 Out centre_of(Doubles points, Doubles rotation) {
     expect(rotation, "rotation", {3, 3});
     const Vec3 c = circle_centre(vectors(points, "points"), matrix(rotation.data()));
