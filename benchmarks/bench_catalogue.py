@@ -16,9 +16,11 @@ import numpy as np
 from common import Table
 
 import tanteo
-from tanteo.factors import AxisCentre, ContactPoints, Factor, FreeRays, SensedSize, SurfacePoint, surface_points
+from tanteo.factors import AxisCentre, ContactPoints, Factor, FreeRays, SurfacePoint, surface_points
+from tanteo.factors.factor import SensedSize
 from tanteo.geometry import SE3
-from tanteo.parts import Part, exact_faces, round_features
+from tanteo.parts import Part, round_features
+from tanteo.parts.faces import exact_faces
 from tanteo.posterior import Problem, candidate_pruning, candidates, identify_points, sized
 
 SD, NORMAL_SD = 1e-4, 0.02
@@ -157,7 +159,7 @@ def bores(part: Part, rng: np.random.Generator, *, sized: bool) -> ContactPoints
 
 
 def run(
-    catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int = 1, *, sd: float = SD, say: bool = False
+    catalogue: tanteo.catalogue.Catalogue, kind: str, scenes: int, seed: int = 1, *, sd: float = SD, say: bool = False
 ) -> Outcome:
     """Scenes of parts that are drawn from all."""
     out = Outcome()
@@ -183,7 +185,7 @@ def run(
     return out
 
 
-def narrow(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int, sd: float) -> tuple[str, ...]:
+def narrow(catalogue: tanteo.catalogue.Catalogue, kind: str, scenes: int, seed: int, sd: float) -> tuple[str, ...]:
     """A row of what narrowing leaves, of the same scenes."""
     every, cpu, left, kept = candidates.Candidates(catalogue), list[float](), list[int](), 0
     for number in range(-1, scenes):

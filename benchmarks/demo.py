@@ -12,7 +12,8 @@ from importlib import resources
 
 import numpy as np
 
-from tanteo.bench import NEEDED, needed, try_it
+from tanteo.bench.demo import needed
+from tanteo.bench.demo.story import NEEDED, try_it
 
 WORKERS = 2
 

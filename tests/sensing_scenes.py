@@ -11,19 +11,10 @@ from tanteo import _core
 from tanteo.errors import InputError
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
-from tanteo.planning import (
-    Action,
-    Done,
-    Probe,
-    Sensing,
-    SensingState,
-    Session,
-    Stop,
-    around,
-    corner_distances,
-    policy_named,
-)
-from tanteo.posterior import Posterior, Priors, Problem, corner_moves
+from tanteo.planning import Action, Done, Probe, Sensing, SensingState, Session, Stop, around, policy_named
+from tanteo.planning.stopping import corner_distances
+from tanteo.posterior import Posterior, Priors, Problem
+from tanteo.posterior.answers import corner_moves
 from tanteo.posterior.details import details_at
 from tanteo.posterior.near_variants import log_density_of_near_variant
 from tanteo.posterior.part_search import start_search

@@ -133,7 +133,7 @@ def test_what_is_prepared_is_kept_with_the_part_and_only_there(part):
 
 
 def test_the_cache_may_be_below_the_home_folder(monkeypatch, tmp_path):
-    from tanteo.catalogue import cache_folder
+    from tanteo.catalogue.cache import cache_folder
 
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("TANTEO_CACHE", os.path.join("~", "kept"))

@@ -95,7 +95,8 @@ def engine(wedge, folder):
 
 def round_features(wedge, folder):
     """Twelve touches of a bore of 10 mm in three rings, and the face in which it is."""
-    from tanteo.features import PLANE, Feature
+    from tanteo.features import Feature
+    from tanteo.features.kinds import PLANE
 
     turn = np.tile(np.linspace(0, 2 * np.pi, 4, endpoint=False), 3)
     away = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)

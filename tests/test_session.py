@@ -24,11 +24,12 @@ from sensing_scenes import (
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import Action, Candidates, Done, Sensing, Session, Stop, around, at_pose, begin, probe_of, update
+from tanteo.planning import Action, Done, Sensing, Session, Stop, around, at_pose, begin, probe_of, update
+from tanteo.planning.candidates import Candidates
 from tanteo.planning.session.answer import answered, moved
 from tanteo.posterior import PosePrior, Priors, prepare
 from tanteo.recognition import identify
-from tanteo.render import headline
+from tanteo.render.html import headline
 from tanteo.sensors import NoiseLaw, Readings, concatenate
 from tanteo.words import percent
 from tanteo.words.findings import ChosenByUser, ReadingLimit, RepeatMisfit

@@ -15,23 +15,12 @@ from tanteo.errors import InputError
 from tanteo.factors import PoseFactor, as_contact_points, as_free_rays
 from tanteo.geometry.limits import check_length
 from tanteo.geometry.typing import FloatArray
-from tanteo.parts import Part, as_part, part_named
-from tanteo.posterior import (
-    DEFAULTS,
-    STATED,
-    Answer,
-    Candidates,
-    Priors,
-    Settings,
-    about_conventions,
-    about_frames,
-    about_readings,
-    check_question,
-    identify_points,
-    scale_of,
-    sized,
-    with_elapsed,
-)
+from tanteo.parts import Part, part_named
+from tanteo.parts.readers import as_part
+from tanteo.posterior import DEFAULTS, Answer, Candidates, Priors, about_conventions, identify_points, sized
+from tanteo.posterior.answers import STATED, check_question, with_elapsed
+from tanteo.posterior.findings import about_frames, about_readings, scale_of
+from tanteo.posterior.settings import Settings
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
 from tanteo.words.findings import (  # fmt: skip
     CheckPrior,

@@ -9,24 +9,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from tanteo.bench import (
-    BenchScene,
-    BenchSet,
-    Outcome,
-    Placement,
-    at_work,
-    bench_picture,
-    generate,
-    largest_corner_error,
-    read_scores,
-    read_set,
-    run,
-    score,
-    score_table,
-    with_decisions,
-    write_scores,
-    write_set,
-)
+from tanteo.bench import BenchSet, Placement, at_work, generate, read_set, run, write_set
+from tanteo.bench.running import Outcome
+from tanteo.bench.scoring import largest_corner_error, score, with_decisions
+from tanteo.bench.sets import BenchScene
+from tanteo.bench.tables import bench_picture, read_scores, score_table, write_scores
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 

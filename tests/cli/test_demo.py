@@ -60,7 +60,7 @@ def test_the_two_candidates_differ_for_camera_at_edges_alone():
     pytest.importorskip("cv2", reason="the extra tanteo[vision] is not installed")
     import cv2
 
-    from tanteo.bench import set_stage
+    from tanteo.bench.demo import set_stage
 
     stage = set_stage()
     shown = cv2.imdecode(np.frombuffer(stage.seen.likenesses, dtype=np.uint8), cv2.IMREAD_COLOR)

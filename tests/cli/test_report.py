@@ -58,7 +58,7 @@ def test_a_file_that_cannot_be_written_is_said(run, asked, tmp_path, monkeypatch
     def full(*args, **kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("tanteo.render.write_report", full)
+    monkeypatch.setattr("tanteo.render.html.write_report", full)
     result = run(*asked, "--report", tmp_path / "report.html")
     assert result.code == 1
     assert "No space left on device" in result.err

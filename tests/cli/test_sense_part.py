@@ -153,7 +153,7 @@ def test_an_interruption_leaves_the_record_of_what_was_told(sense, run, tmp_path
             raise KeyboardInterrupt
         return []
 
-    monkeypatch.setattr("tanteo.render.visit_lines", interrupt)
+    monkeypatch.setattr("tanteo.render.text.visit_lines", interrupt)
     record = tmp_path / "session.json"
     code, out, err = sense("--record", str(record))
     assert (code, out) == (130, "")
@@ -175,7 +175,7 @@ def test_the_record_is_there_before_the_end(sense, tmp_path, monkeypatch, suffix
             counts.append(len(kept))
         return []
 
-    monkeypatch.setattr("tanteo.render.visit_lines", look)
+    monkeypatch.setattr("tanteo.render.text.visit_lines", look)
     sense("--max-measurements", "1", "--record", str(record))
     assert counts
     assert counts[0] > 0

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError, TanteoError
-from tanteo.geometry import ROS, SE3, name_covariance
+from tanteo.geometry import ROS, SE3
+from tanteo.geometry.named import name_covariance
 from tanteo.io import parse_box, parse_pose_prior, parse_table, pose_as_brand, read_prior
 
 

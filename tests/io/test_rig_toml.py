@@ -5,7 +5,8 @@ import pytest
 
 from tanteo.errors import InputError, UnitError
 from tanteo.geometry import SE3
-from tanteo.io import read_rig, rig_text, write_rig
+from tanteo.io import read_rig, write_rig
+from tanteo.io.documents import rig_text
 from tanteo.sensors import Rig, RigSensor, sensor_preset
 
 RIG = """

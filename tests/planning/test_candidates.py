@@ -13,7 +13,8 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.parts import read_part, signed_distance
-from tanteo.planning import Candidates, at_pose, begin, has_room, probe_of, propose, within_cone
+from tanteo.planning import at_pose, begin, has_room, probe_of
+from tanteo.planning.candidates import Candidates, propose, within_cone
 from tanteo.posterior import Priors, prepare
 from tanteo.sensors import sensor_preset
 

@@ -15,8 +15,11 @@ from tanteo import locate
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.planning import Probe, Start, at_pose, begin, discriminate, places_of, plan, probe_of, propose
-from tanteo.posterior import PosePrior, Priors, corner_moves, corner_sd, prepare
+from tanteo.planning import Probe, Start, at_pose, begin, discriminate, plan, probe_of
+from tanteo.planning.candidates import propose
+from tanteo.planning.places import places_of
+from tanteo.posterior import PosePrior, Priors, prepare
+from tanteo.posterior.answers import corner_moves, corner_sd
 from tanteo.sensors import NoiseLaw, Readings, sensor_preset
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"

@@ -13,25 +13,12 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.hand import Workspace
 from tanteo.parts import read_part
-from tanteo.planning import (  # fmt: skip
-    POLICIES,
-    Probe,
-    Sensing,
-    Session,
-    SharedAhead,
-    Start,
-    Stop,
-    about_mode,
-    about_pose,
-    at_pose,
-    begin,
-    discriminate,
-    draw,
-    expected_information,
-    predict,
-    probe_of,
-    propose,
-)
+from tanteo.planning import POLICIES, Probe, Sensing, Session, Start, Stop, at_pose, begin, discriminate, probe_of
+from tanteo.planning.candidates import propose
+from tanteo.planning.predictions import predict
+from tanteo.planning.samples import draw
+from tanteo.planning.shared import SharedAhead
+from tanteo.planning.utility import about_mode, about_pose, expected_information
 from tanteo.posterior import Priors, prepare
 from tanteo.sensors import NoiseLaw, robot_preset, sensor_preset
 

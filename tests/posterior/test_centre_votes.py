@@ -7,7 +7,8 @@ import pytest
 
 from tanteo import _core
 from tanteo.catalogue import tables_of
-from tanteo.factors import ContactPoints, FreeRays, SensedDirection, SensedSize, SurfacePoint, factor_class
+from tanteo.factors import ContactPoints, FreeRays, SurfacePoint
+from tanteo.factors.factor import SensedDirection, SensedSize, factor_class
 from tanteo.geometry import SE3
 from tanteo.posterior import DEFAULTS, Priors, Problem, candidate_pruning
 from tanteo.posterior.proposals import centre_votes, plane_votes, sensed_planes

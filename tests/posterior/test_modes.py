@@ -7,10 +7,11 @@ import pytest
 
 from bare_scenes import box_centred_pose, no_paths, surface_points, touches_of
 from tanteo.geometry import SE3
-from tanteo.posterior import Effort, Priors, Problem, identify_points, part_search, prepare
+from tanteo.posterior import Priors, Problem, identify_points, part_search, prepare
 from tanteo.posterior.sampling import peaks
 from tanteo.posterior.sampling.modes import _beyond_normal, _covariance
 from tanteo.posterior.sampling.sampler import ControlVariate, Sampler
+from tanteo.posterior.settings import Effort
 
 
 def sample_prior(n, seed, bend=0.0, scale=1.0):

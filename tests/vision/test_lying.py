@@ -10,12 +10,14 @@ from scipy.stats import chi2
 
 from tanteo.geometry import SE3
 from tanteo.posterior import OnTable
-from tanteo.vision import TableErrors, find_regions, map_edges
+from tanteo.vision import TableErrors
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.candidates import _poses_beside
+from tanteo.vision.edges import map_edges
 from tanteo.vision.fit import beside, pixel_length, refine
 from tanteo.vision.image_edges import Weights
 from tanteo.vision.posterior import infer
+from tanteo.vision.regions import find_regions
 from tanteo.vision.sight import area_of, image_of_region
 from vision_scenes import bracket, seen_alone
 

@@ -7,10 +7,11 @@ import pytest
 
 from silhouettes import bare_share, spilled
 from tanteo.geometry import SE3
-from tanteo.vision import EVIDENCE, SEARCH, find_regions, project
+from tanteo.vision.camera import project
 from tanteo.vision.candidates import _distinct
 from tanteo.vision.propose import propose, slides, small_distances
-from tanteo.vision.regions import bare_table, silhouette
+from tanteo.vision.regions import bare_table, find_regions, silhouette
+from tanteo.vision.settings import EVIDENCE, SEARCH
 from vision_scenes import bracket, seen_alone
 
 MARGIN = int(np.ceil(EVIDENCE.reach))

@@ -15,7 +15,8 @@ from tanteo.catalogue.segment import Segment
 from tanteo.catalogue.store import check_formats, damaged, read_manifest
 from tanteo.errors import InputError
 from tanteo.geometry.typing import FloatArray, IntArray
-from tanteo.parts import Part, StoredParts
+from tanteo.parts import Part
+from tanteo.parts.readers import StoredParts
 
 _TRIES = 5
 """Number of attempts to read a manifest whose segments a writer replaces at the same time."""
@@ -110,7 +111,7 @@ class Catalogue(StoredParts):
 
     @cached_property
     def numbers(self) -> FloatArray:
-        """Sizes of all parts, see :func:`tanteo.catalogue.signature` ``(n, 17)``."""
+        """Sizes of all parts, see :func:`tanteo.catalogue.signatures.signature` ``(n, 17)``."""
         rows = [segment.table["numbers"] for segment in self.segments]
         return np.concatenate(rows) if rows else np.zeros((0, 17))
 

@@ -102,7 +102,7 @@ def _print_latency(path: str, answer: posterior.Answer, given: Given, options: O
 
     shifted: tuple[Readings, ...] = ()
     with suppress(ReadingsError):  # single poses do not contain the motion of the sensor
-        shifted = io.read_shifted(
+        shifted = io.readings.read_shifted(
             path, (0.0, -STEP, STEP), latency=file.latency, topics=file.topics, world=file.world, radius=file.radius,
             direction=file.direction, max_points=file.max_points,
         )  # fmt: skip
@@ -145,10 +145,12 @@ def print_answer(
         more: further keys of the document.
     """
     if as_json:
-        put(io.document_json({**io.recognition_document(answer), **(more or {})}, warned()))
+        put(io.documents.document_json({**io.recognition_document(answer), **(more or {})}, warned()))
         print_status(answer)
     else:
-        emit(render.answer_lines(answer, known, verbose=verbose, layout=layout()), sys.stderr if to_stderr else None)
+        emit(
+            render.text.answer_lines(answer, known, verbose=verbose, layout=layout()), sys.stderr if to_stderr else None
+        )
 
 
 def print_status(answer: posterior.Answer) -> None:
@@ -177,13 +179,13 @@ class Given(NamedTuple):
     measured: PointMeasurements
     parts: Sequence[Part]
     rig: Rig | None
-    scale: posterior.Scale
+    scale: posterior.findings.Scale
     doubted: bool
 
 
 def _own_unit(parts: Sequence[Part]) -> str:
     """Return the unit that the files of all parts state; empty if they state none or several."""
-    from tanteo.parts import StoredParts
+    from tanteo.parts.readers import StoredParts
 
     units = set(parts.units) if isinstance(parts, StoredParts) else {part.unit for part in parts}
     return units.pop() if len(units) == 1 else ""
@@ -215,8 +217,12 @@ def read_given(path: str, part_paths: Sequence[str], options: Options, file: Fil
         complain("warning", f"--units {units} applies to the readings and to the parts: neither state a unit.")
     parts = files.read_all_parts(part_paths, units, quiet=options.json)
     column = _HEADER.search(_beginning(path))
-    scale = posterior.scale_of(measured.points, parts, column[1] if column else "", options.units or _own_unit(parts))
-    doubt = posterior.about_size(measured.points, scale) or posterior.about_spread(measured.covs, scale)
+    scale = posterior.findings.scale_of(
+        measured.points, parts, column[1] if column else "", options.units or _own_unit(parts)
+    )
+    doubt = posterior.findings.about_size(measured.points, scale) or posterior.findings.about_spread(
+        measured.covs, scale
+    )
     if doubt is not None:
         complain("warning", doubt.message)
     return Given(readings, measured, parts, rig, scale, doubt is not None)
@@ -234,7 +240,7 @@ def _questioned(answer: posterior.Answer, given: Given, query: posterior.Search,
     """Return the answer with a probable convention error (units, frames, directions) as last finding, and print it."""
     if given.doubted:
         return answer
-    frames = posterior.about_frames(answer, given.scale, given.measured)
+    frames = posterior.findings.about_frames(answer, given.scale, given.measured)
     question = posterior.about_conventions(answer, given.readings, given.parts, query, placed=placed)
     if question is None or (frames is not None and frames.kind == question.kind == "units"):
         question = frames  # this finding names the stated units and their column
@@ -249,7 +255,7 @@ def _report(
     path: str, answer: posterior.Answer, given: Given, options: Options, known: posterior.PosePrior | None
 ) -> None:
     from tanteo.planning import Sensing
-    from tanteo.render import gather, report_page
+    from tanteo.render.html import gather, report_page
 
     sensing = Sensing(
         options.sensor, options.robot, options.sd, options.tip_sd, given.rig, options.tolerance, options.bias_sd

@@ -46,9 +46,9 @@ def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Option
     state = update(begin(start), *sensing.touches(given.readings))
     check = check_cell(state, given.readings, sensing.measured)
     if options.json:
-        put(io.document_json(_document(check), warned()))
+        put(io.documents.document_json(_document(check), warned()))
     else:
-        emit(render.cell_lines(check, layout=layout()))
+        emit(render.text.cell_lines(check, layout=layout()))
     leave(decided=not any(error.contradicted for error in check.errors))
 
 

@@ -249,7 +249,7 @@ def _version(name: str) -> str:
 def _cache() -> tuple[str, bool]:
     """Return the folder of the parts cache, and whether it, or its nearest existing parent, is writable."""
     try:
-        from tanteo.catalogue import cache_folder
+        from tanteo.catalogue.cache import cache_folder
     except ImportError:
         return "", False
     folder = cache_folder()

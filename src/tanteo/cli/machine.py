@@ -42,7 +42,7 @@ def _box(text: str) -> FloatArray:
 
 
 def _radius(text: str) -> float:
-    return io.parse_length(text, "--tip-radius")
+    return io.readings.parse_length(text, "--tip-radius")
 
 
 _machine = partial(args.option, rich_help_panel="Machine")

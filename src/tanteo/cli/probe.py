@@ -197,7 +197,7 @@ def _run(session: Session, safe: SafeMachine, options: Options, draw: Callable[[
     def watch(turn: Turn) -> None:
         leader = session.state.target(0).part.name if len(session.state.weights) else ""
         distance = None if turn.sensed is None else turn.sensed.distance
-        print_text(render.turn_line(turn.action, distance, turn.step, leader, turn.note), sys.stderr)
+        print_text(render.text.turn_line(turn.action, distance, turn.step, leader, turn.note), sys.stderr)
         draw(turn.note)
 
     done = probe_part(session, safe, options.record, watch)
@@ -223,9 +223,9 @@ def _print(
             "readings": session.count, "questions": len(done.turns),
         }  # fmt: skip
         more = words.document(answer, [part]) if words else {}
-        put(io.document_json({**io.recognition_document(answer), "sensing": sensing, **more}, warned()))
+        put(io.documents.document_json({**io.recognition_document(answer), "sensing": sensing, **more}, warned()))
         return ""
-    lines = render.probed_lines(
+    lines = render.text.probed_lines(
         answer, done.end, safe.facts.name, session.count, verbose=options.verbose, layout=layout()
     )
     emit(lines, sys.stderr if words else None)

@@ -50,7 +50,7 @@ def parse_speed(text: str, option: str = "--feed") -> float:
 
 
 def _height(text: str) -> float:
-    return io.parse_length(text, "--retract-height")
+    return io.readings.parse_length(text, "--retract-height")
 
 
 _option = partial(args.option, rich_help_panel="Probing program")

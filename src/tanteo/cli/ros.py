@@ -18,7 +18,7 @@ from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, 
 from tanteo.cli.readings import parse_direction, parse_latency, parse_radius, parse_time
 
 if TYPE_CHECKING:
-    from tanteo.io import Direction
+    from tanteo.io.readings import Direction
     from tanteo.parts import Part
     from tanteo.planning import Probe
     from tanteo.ros import Intake, Knowledge, RosNode
@@ -153,7 +153,7 @@ def _named(name: str) -> Iterator[None]:
 def _intake(topics: TopicOptions) -> Intake:
     from tanteo.ros import Intake, Patience
 
-    stated = io.Stated(radius=topics.radius, direction=topics.direction)
+    stated = io.readings.Stated(radius=topics.radius, direction=topics.direction)
     wanted = io.RosOptions(tuple(topics.topics or ()), topics.world, topics.latency or 0.0)
     return Intake(wanted, stated, Patience(topics.patience, topics.patience, topics.max_age, topics.every))
 
@@ -210,7 +210,7 @@ def _ended_by_signals(server: RosNode) -> Iterator[None]:
 def _heard(options: Options, answer: posterior.Answer) -> None:
     """Print one line for each answer with ``--verbose``."""
     if options.verbose:
-        print_text(render.answer_lines(answer, layout=layout())[0], sys.stderr)
+        print_text(render.text.answer_lines(answer, layout=layout())[0], sys.stderr)
 
 
 def _print(answer: posterior.Answer | None, options: Options) -> None:
@@ -219,7 +219,7 @@ def _print(answer: posterior.Answer | None, options: Options) -> None:
         leave(decided=False)
         return
     if options.json:
-        put(io.document_json(io.recognition_document(answer), warned()))
+        put(io.documents.document_json(io.recognition_document(answer), warned()))
     else:
-        emit(render.answer_lines(answer, verbose=options.verbose, layout=layout()))
+        emit(render.text.answer_lines(answer, verbose=options.verbose, layout=layout()))
     leave(decided=answer.status == "recognized")

@@ -39,11 +39,11 @@ def list_presets(json: args.Json = False) -> None:
             "schema": "tanteo.sensors/1",
             "sensors": [asdict(p) for p in sensor_presets().values()],
             "robots": [asdict(p) for p in robot_presets().values()],
-            "rigs": list(io.shipped_rigs()),
+            "rigs": list(io.documents.shipped_rigs()),
         }
         put_json(document)
     else:
-        emit(render.preset_lines(sensor_presets(), robot_presets(), io.shipped_rigs(), layout=layout()))
+        emit(render.text.preset_lines(sensor_presets(), robot_presets(), io.documents.shipped_rigs(), layout=layout()))
 
 
 def show_preset(
@@ -66,7 +66,7 @@ def show_preset(
     if picture is not None:
         if isinstance(preset, RobotPreset):
             raise MisuseError(f"--picture: expected a range sensor, got the robot '{name}'. Drop --picture.")
-        from tanteo.render import noise_picture
+        from tanteo.render.pictures import noise_picture
 
         with files.writing("--picture", picture), misuse():
             noise_picture(preset, picture)
@@ -75,9 +75,9 @@ def show_preset(
         return
     show = layout()
     emit(
-        render.robot_lines(preset, layout=show)
+        render.text.robot_lines(preset, layout=show)
         if isinstance(preset, RobotPreset)
-        else render.sensor_lines(preset, layout=show)
+        else render.text.sensor_lines(preset, layout=show)
     )
     if picture is not None:
         print_text(f"picture drawn: {picture}")
@@ -104,9 +104,9 @@ def show_rig(
     """
     rig = files.read_rig(file)
     if json:
-        put_json(io.rig_document(rig))
+        put_json(io.documents.rig_document(rig))
     else:
-        emit(render.rig_lines(rig, file, layout=layout()))
+        emit(render.text.rig_lines(rig, file, layout=layout()))
 
 
 def fit(
@@ -155,16 +155,16 @@ def fit(
     if write is not None and calibrated:
         _write(found, nominal, unlike, log, write)
     if picture is not None:
-        from tanteo.render import coverage_picture
+        from tanteo.render.pictures import coverage_picture
 
         with files.writing("--picture", picture), misuse():
             coverage_picture(found, picture)
     if json:
-        put_json(io.calibration_document(found))
+        put_json(io.documents.calibration_document(found))
         if not calibrated:
             print_text(f"{found.status}: {found.message}", sys.stderr)
     else:
-        emit(render.calibration_lines(found, verbose=verbose, layout=layout()))
+        emit(render.text.calibration_lines(found, verbose=verbose, layout=layout()))
         _print_written(write if calibrated else None, picture)
     if write is not None and not calibrated:
         complain("warning", f"{write} was not written: this log does not determine a rig.")

@@ -14,7 +14,8 @@ from tanteo.machines.journal import Journal, reading_of, take_up_rows
 from tanteo.machines.protocol import ContactError, RefusedError, Sensed, StoppedError
 from tanteo.machines.safe import SafeMachine
 from tanteo.machines.ways import Ways
-from tanteo.planning import Action, Done, Session, Step, largest_corner_sd
+from tanteo.planning import Action, Done, Session, Step
+from tanteo.planning.stopping import largest_corner_sd
 from tanteo.words.findings import BeamsFree, NoClearPath, Stated
 
 _REFUSED = 25

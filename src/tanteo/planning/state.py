@@ -13,7 +13,8 @@ import numpy as np
 from tanteo.factors import ContactPoints, FreeRays
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 from tanteo.planning.start import Start
-from tanteo.posterior import Mode, Posterior, PreparedPart, Problem, on_part, posterior_of_factors, update_posterior
+from tanteo.posterior import Mode, Posterior, PreparedPart, Problem, posterior_of_factors, update_posterior
+from tanteo.posterior.update import on_part
 
 _LEAST_P = 1e-12
 """Least probability of a mode: it keeps the pose of the nearest part if the object is probably unknown."""
@@ -48,7 +49,7 @@ class SensingState:
         part: index of the part of each mode ``(M,)``.
         weights: probabilities of the modes, which sum to one with ``unknown`` ``(M,)``.
         rows: index of the prior pose behind each mode ``(M,)``.
-        chances: computed probabilities of tolerances, see :func:`tanteo.planning.chance_within`.
+        chances: computed probabilities of tolerances, see :func:`tanteo.planning.stopping.chance_within`.
     """
 
     start: Start

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tanteo.catalogue import widths
+from tanteo.catalogue.signatures import widths
 from tanteo.factors import ContactPoints
 from tanteo.geometry.limits import SUSPECT
 from tanteo.geometry.special import log_sum, softmax

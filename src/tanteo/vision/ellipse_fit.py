@@ -98,7 +98,7 @@ def fit_ellipse(
     Example:
         >>> t = np.radians(np.arange(0, 200, 5.0))
         >>> points = np.stack([300 + 40 * np.cos(t), 200 + 25 * np.sin(t)], axis=1)
-        >>> ellipse = tanteo.vision.fit_ellipse(points, np.full(len(t), 0.05))
+        >>> ellipse = tanteo.vision.ellipse_fit.fit_ellipse(points, np.full(len(t), 0.05))
         >>> np.round(ellipse.semi_axes, 6), round(np.degrees(ellipse.arc))
         (array([40., 25.]), 195)
     """

@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, EDGE, PLANE, Feature, Round, Sides
+from tanteo.features import Feature, Round, Sides
+from tanteo.features.kinds import CIRCLE, EDGE, PLANE
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.vision.camera import Camera

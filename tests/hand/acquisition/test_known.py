@@ -5,8 +5,11 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import FaceGuess, Rules, Scene, SimulatedHand, Workspace, box, clearances, sense_plane, spiral_scan
+from tanteo.hand import Workspace
+from tanteo.hand.acquisition import FaceGuess, sense_plane
 from tanteo.hand.acquisition.seen import _CELL, GAP, Known, _cells, _middles
+from tanteo.hand.motion import Rules, spiral_scan
+from tanteo.hand.simulator import Scene, SimulatedHand, box, clearances
 
 RULES = Rules(clearance=0.012, workspace=Workspace.above(0.0))
 TABLE = Scene.of([box("table", [-0.3, -0.3, -0.05], [0.3, 0.3, 0.0])])

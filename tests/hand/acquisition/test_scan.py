@@ -7,21 +7,12 @@ import pytest
 
 from felt_scenes import gripper, nees, roof
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import (
-    FaceGuess,
-    Rules,
-    Scene,
-    SimulatedHand,
-    Workspace,
-    box,
-    clearances,
-    go_to,
-    retreat,
-    sense_plane,
-    spiral_scan,
-)
+from tanteo.hand import Workspace
+from tanteo.hand.acquisition import FaceGuess, sense_plane
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.scan import WIDTHS, scan
+from tanteo.hand.motion import Rules, go_to, retreat, spiral_scan
+from tanteo.hand.simulator import Scene, SimulatedHand, box, clearances
 from tanteo.words.findings import Followed, NoRoom, NotOneFeature
 
 STANDOFF = 0.027

@@ -13,7 +13,7 @@ import pytest
 from report_scenes import ROUGH, TOUCH, TRUTH
 from tanteo.planning import at_pose, discriminate, plan
 from tanteo.posterior import prepare
-from tanteo.render import Run, distinction_page, plan_page
+from tanteo.render.html import Run, distinction_page, plan_page
 from tanteo.render.html.charts import SHARES, Curve, curve_chart, lengths_scale
 from tanteo.words import percent
 from tanteo.words.findings import NoPlaceReached

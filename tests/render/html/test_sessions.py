@@ -11,7 +11,7 @@ from report_scenes import SD, TRUTH, told, touches
 from tanteo.planning import Session, explain
 from tanteo.posterior import Priors
 from tanteo.recognition import locate
-from tanteo.render import (
+from tanteo.render.html import (
     Run,
     course_section,
     directions_of,

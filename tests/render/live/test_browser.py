@@ -10,7 +10,7 @@ import pytest
 
 from browsing import HARD_TO_READ, PATIENCE, SIZES, Watched, colours, complaints, differ, pixels
 from tanteo.geometry import SE3
-from tanteo.render import Player, Quit
+from tanteo.render.live import Player, Quit
 from tanteo.render.live.view import extent
 from viewer_scenes import TRUE, maker
 

@@ -12,9 +12,9 @@ import pytest
 
 import tanteo.render.live
 from tanteo.geometry import SE3
-from tanteo.hand import Scene, Solid, box
+from tanteo.hand.simulator import Scene, Solid, box
 from tanteo.planning import Action
-from tanteo.render import Snapshot, probe_show
+from tanteo.render.live import Snapshot, probe_show
 from tanteo.render.live.commands import picked
 from tanteo.render.live.shows import NOISE, simulated
 from tanteo.sensors import Readings, measure

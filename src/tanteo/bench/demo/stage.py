@@ -16,10 +16,12 @@ import numpy as np
 from tanteo.catalogue import read_parts
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
-from tanteo.hand import Solid, Workspace
+from tanteo.hand import Workspace
+from tanteo.hand.simulator import Solid
 from tanteo.io import read_camera, read_image, read_marks, write_image
 from tanteo.parts import Part
-from tanteo.planning import Action, Probe, Sensing, Session, Start, Stop, around, policy_named, seen_start
+from tanteo.planning import Action, Probe, Sensing, Session, Start, Stop, around, policy_named
+from tanteo.planning.execution import seen_start
 from tanteo.posterior import Hypothesis, PreparedPart, prepare
 from tanteo.sensors import NoiseLaw, Readings
 
@@ -173,8 +175,9 @@ def _likenesses(
     image: FloatArray, camera: Camera, parts: Sequence[tuple[Part, Transforms]], window: tuple[slice, slice]
 ) -> np.ndarray:
     """Return the image beside renderings of each part; differences are tinted in the last one."""
-    from tanteo.vision import Appearance, render, rendered_part
-    from tanteo.vision import Stage as Table
+    from tanteo.vision import render
+    from tanteo.vision.rendering import Appearance, rendered_part
+    from tanteo.vision.rendering import Stage as Table
 
     rows, columns = window
     K = camera.K.copy()

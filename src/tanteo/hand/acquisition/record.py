@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.errors import DegenerateError, InputError
-from tanteo.features import CIRCLE, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import CIRCLE
 from tanteo.fitting import FitReport, circle_on_plane, fit_labelled, plane_from_two_directions
 from tanteo.geometry import SO3
 from tanteo.geometry.typing import IntArray, Transforms

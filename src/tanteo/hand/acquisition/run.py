@@ -17,7 +17,7 @@ from tanteo.words.findings import AtPose, Finding
 
 Outcome: TypeAlias = Literal["acquired", "lost", "nothing", "limit", "timeout", "unclear"]
 """``acquired``: the feature is sensed. ``unclear``: what was read does not determine it, or contradicts itself. The
-others are the endings of the motion that could not do its part (:data:`tanteo.hand.Ending`)."""
+others are the endings of the motion that could not do its part (:data:`tanteo.hand.motion.Ending`)."""
 
 
 Attempt: TypeAlias = tuple[Outcome, Finding, Feature | None]

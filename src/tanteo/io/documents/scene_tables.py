@@ -13,7 +13,9 @@ from msgspec import Meta
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms
-from tanteo.hand import Cell, EdgeGuess, FaceGuess, Hand, RoundGuess, Solid, VertexGuess, box, gripper_body
+from tanteo.hand import Hand, gripper_body
+from tanteo.hand.acquisition import EdgeGuess, FaceGuess, RoundGuess, VertexGuess
+from tanteo.hand.simulator import Cell, Solid, box
 from tanteo.io.documents.document import made
 from tanteo.io.documents.rig_file import read_rig
 from tanteo.io.documents.schema import Direction, Length, Numbers, Point, Posed, Table

@@ -14,8 +14,10 @@ from tanteo.io.documents.result_json import covariance_document, document_json
 
 if TYPE_CHECKING:
     from tanteo.features import Feature
-    from tanteo.hand import Acquired, Predicted
-    from tanteo.parts import Part, RoundFeature
+    from tanteo.hand import Predicted
+    from tanteo.hand.acquisition import Acquired
+    from tanteo.parts import Part
+    from tanteo.parts.faces import RoundFeature
     from tanteo.planning import Discrimination, Plan
 
 
@@ -25,7 +27,8 @@ def part_json(part: Part) -> str:
     Args:
         part: part to write.
     """
-    from tanteo.parts import hole_patterns, round_features  # slow to import
+    from tanteo.parts import round_features
+    from tanteo.parts.faces import hole_patterns  # slow to import
 
     edges = part.edges
     planes = part.planes

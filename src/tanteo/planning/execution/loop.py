@@ -9,7 +9,9 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, Transforms
-from tanteo.hand import SENSE, Hand, Motion, Robot, Rules, go_to
+from tanteo.hand import Hand, Robot
+from tanteo.hand.acquisition import SENSE
+from tanteo.hand.motion import Motion, Rules, go_to
 from tanteo.planning.candidates import Candidates
 from tanteo.planning.execution.approach import approach_poses, feasible, ranked, route
 from tanteo.planning.execution.possible import FreeSpace, PossiblePoses

@@ -10,7 +10,8 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
-from tanteo.hand import Hand, Rules
+from tanteo.hand import Hand
+from tanteo.hand.motion import Rules
 from tanteo.parts import Part
 from tanteo.planning.probe import Probe
 from tanteo.planning.start import Start, from_hypotheses

@@ -90,7 +90,7 @@ class Done:
 
     Example:
         >>> from tanteo.words import findings
-        >>> tanteo.Done(False, (findings.ReadingLimit(allowed=30, made=30),)).message
+        >>> tanteo.planning.Done(False, (findings.ReadingLimit(allowed=30, made=30),)).message
         'The limit of readings is reached: 30 were allowed, and 30 were made.'
     """
 

@@ -13,7 +13,8 @@ from itertools import combinations
 import numpy as np
 
 from tanteo import _core
-from tanteo.factors import ContactPoints, numbered_landmarks
+from tanteo.factors import ContactPoints
+from tanteo.factors.factor import numbered_landmarks
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Indices, IntArray, Transforms, Vectors
 from tanteo.parts import Part

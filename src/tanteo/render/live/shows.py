@@ -9,7 +9,9 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from tanteo.geometry.typing import Tangents
-from tanteo.hand import Hand, HandReading, Robot, Rules, Solid, Workspace
+from tanteo.hand import Hand, HandReading, Robot, Workspace
+from tanteo.hand.motion import Rules
+from tanteo.hand.simulator import Solid
 from tanteo.parts import Surface
 from tanteo.planning import Action, Done, Furniture, Probe, Sensing, Session, sense_part
 from tanteo.sensors import NoiseLaw, Readings, RobotPreset

@@ -9,3 +9,7 @@ says how wide the tables may be and whether headings are bold; without one, they
     for line in answer_lines(tanteo.identify(readings, parts, sd=0.3e-3)):
         print(line)
 """
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

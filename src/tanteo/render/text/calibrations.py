@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.render.text.layout import PLAIN, Layout, printable
-from tanteo.words import parameter_words
+from tanteo.words.sentences import parameter_words
 
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray

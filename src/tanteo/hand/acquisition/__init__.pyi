@@ -1,0 +1,15 @@
+from .by_kind import SENSE as SENSE
+from .circle import sense_circle as sense_circle
+from .cylinder import sense_cylinder as sense_cylinder
+from .edge import sense_edge as sense_edge
+from .guesses import RADIUS_SHARE as RADIUS_SHARE
+from .guesses import EdgeGuess as EdgeGuess
+from .guesses import FaceGuess as FaceGuess
+from .guesses import RoundGuess as RoundGuess
+from .guesses import VertexGuess as VertexGuess
+from .plane import sense_plane as sense_plane
+from .record import features_of as features_of
+from .record import plane_as_published as plane_as_published
+from .rim import least_radius as least_radius
+from .run import Acquired as Acquired
+from .vertex import sense_vertex as sense_vertex

@@ -1,0 +1,16 @@
+from .control import Loop as Loop
+from .crossing import EdgeEvent as EdgeEvent
+from .crossing import cross_edge as cross_edge
+from .following import align as align
+from .following import aligned_pose as aligned_pose
+from .following import approach as approach
+from .following import follow as follow
+from .following import retreat as retreat
+from .steering import Ending as Ending
+from .steering import Motion as Motion
+from .steering import Rules as Rules
+from .steering import Steering as Steering
+from .track import Crease as Crease
+from .travelling import go_to as go_to
+from .travelling import path as path
+from .travelling import spiral_scan as spiral_scan

@@ -1,0 +1,11 @@
+from .approach import approach_poses as approach_poses
+from .loop import Executed as Executed
+from .loop import Visit as Visit
+from .loop import reachable as reachable
+from .possible import FreeSpace as FreeSpace
+from .possible import PossiblePoses as PossiblePoses
+from .start import HYPOTHESES as HYPOTHESES
+from .start import part_seen as part_seen
+from .start import prior_poses as prior_poses
+from .start import seen_start as seen_start
+from .whole import acquirable as acquirable
