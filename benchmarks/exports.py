@@ -122,10 +122,12 @@ def _own(module: str | None) -> bool:
 
 
 def _listed(path: Path) -> list[str]:
-    """Return the names that an ``__init__.pyi`` imports or defines."""
+    """Return the names that an ``__init__.pyi`` imports or defines, without the former name of a renamed one."""
     body = ast.parse(path.read_text()).body
+    renamed = {node.value.id for node in body if isinstance(node, ast.Assign) and isinstance(node.value, ast.Name)}
     imported = [a.asname or a.name for node in body if isinstance(node, ast.ImportFrom) for a in node.names]
-    return [*imported, *(name for node in body for name in _defined(node) if not name.startswith("_"))]
+    defined = [name for node in body for name in _defined(node) if not name.startswith("_")]
+    return [name for name in [*imported, *defined] if name not in renamed]
 
 
 def _defined(node: ast.stmt) -> list[str]:

@@ -738,7 +738,7 @@ def test_without_plug_ins_a_factor_says_what_is_missing(tmp_path):
 def test_nothing_is_imported_before_it_is_used(acme, touched):
     folder, _ = touched
     code = (
-        "import sys, tanteo, tanteo.parts, tanteo.machines, tanteo.machines, tanteo.io, tanteo.io\n"
+        "import sys, tanteo, tanteo.parts, tanteo.machines, tanteo.io\n"
         "tanteo.machines.MACHINES, tanteo.parts.readers.CAD_READERS.names()\n"
         f"tanteo.read_parts({str(folder / 'wedge.tri')!r}, cache=False, workers=0)\n"
         "print([m for m in ('trifile', 'caliper', 'level', 'pendant', 'millbox') if m in sys.modules])\n"
@@ -747,7 +747,7 @@ def test_nothing_is_imported_before_it_is_used(acme, touched):
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
     assert found.stdout.strip() == "['trifile']"
     code = (
-        "import sys, tanteo.cli.app, tanteo.parts\ntanteo.parts.CAD_READERS.find('stl')\n"
+        "import sys, tanteo.cli.app, tanteo.parts\ntanteo.parts.readers.CAD_READERS.find('stl')\n"
         "print('importlib.metadata' in sys.modules)"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)

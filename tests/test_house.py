@@ -21,8 +21,8 @@ BENCHMARKS = [p for p in sorted((ROOT / "benchmarks").glob("*.py")) if p.stem !=
 """But for the one that speaks to older commits."""
 
 TESTS = sorted((ROOT / "tests").rglob("*.py"))
-INSIDE = {"tests": 118, "benchmarks": 13, "examples": 0, "docs": 0}
-"""Imports past a public API that are left, folder by folder: the numbers may fall."""
+INSIDE = {"tests": 353, "benchmarks": 20, "examples": 0, "docs": 0}
+"""Uses of names past a public API that are left, folder by folder: the numbers may fall."""
 
 
 EXPORTS = exports.Exports(ROOT)

@@ -15,8 +15,7 @@ from tanteo.catalogue.segment import Segment
 from tanteo.catalogue.store import check_formats, damaged, read_manifest
 from tanteo.errors import InputError
 from tanteo.geometry.typing import FloatArray, IntArray
-from tanteo.parts import Part
-from tanteo.parts.readers import StoredParts
+from tanteo.parts import Part, StoredParts
 
 _TRIES = 5
 """Number of attempts to read a manifest whose segments a writer replaces at the same time."""

@@ -185,7 +185,7 @@ class Given(NamedTuple):
 
 def _own_unit(parts: Sequence[Part]) -> str:
     """Return the unit that the files of all parts state; empty if they state none or several."""
-    from tanteo.parts.readers import StoredParts
+    from tanteo.parts import StoredParts
 
     units = set(parts.units) if isinstance(parts, StoredParts) else {part.unit for part in parts}
     return units.pop() if len(units) == 1 else ""

@@ -74,9 +74,9 @@ class Extra:
 
 
 REGISTRIES = (
-    "tanteo.parts:CAD_READERS",
-    "tanteo.posterior:PROPOSERS",
-    "tanteo.io:FORMATS",
+    "tanteo.parts.readers:CAD_READERS",
+    "tanteo.posterior.proposals:PROPOSERS",
+    "tanteo.io.logs:FORMATS",
     "tanteo.io.readings.factor_file:FACTORS",
     "tanteo.machines:PROGRAMS",
     "tanteo.machines:MACHINES",

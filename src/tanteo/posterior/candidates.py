@@ -11,7 +11,7 @@ import numpy as np
 from tanteo.catalogue import Catalogue, tables_of
 from tanteo.catalogue.signatures import coarse_field, field_table, signature
 from tanteo.geometry.typing import FloatArray, IntArray, Vectors
-from tanteo.parts.readers import StoredParts, as_parts
+from tanteo.parts import StoredParts, as_parts
 from tanteo.posterior.answers.whole_object import WholeObject
 from tanteo.posterior.prepared import PreparedPart, prepare
 from tanteo.posterior.settings import PruningSettings

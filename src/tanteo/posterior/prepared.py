@@ -12,8 +12,7 @@ from tanteo import _core
 from tanteo.catalogue import SAMPLES, SHAPE, cache, compiled_shape
 from tanteo.catalogue.signatures import faces_of
 from tanteo.geometry.typing import IntArray, Vectors
-from tanteo.parts import Part, Surface
-from tanteo.parts.readers import as_parts
+from tanteo.parts import Part, Surface, as_parts
 from tanteo.parts.shapes import DistanceField, distance_field
 
 

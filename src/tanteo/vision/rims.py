@@ -14,8 +14,7 @@ import numpy as np
 from tanteo.errors import DegenerateError
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
-from tanteo.parts import Part, round_features
-from tanteo.parts.faces import Rim
+from tanteo.parts import Part, Rim, round_features
 from tanteo.vision.camera import Camera
 from tanteo.vision.circles import circle_frames, project_circle
 from tanteo.vision.ellipse_fit import Ellipse

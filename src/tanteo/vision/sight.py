@@ -14,8 +14,7 @@ from tanteo.errors import InputError
 from tanteo.factors import PoseFactor
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
-from tanteo.parts import Part
-from tanteo.parts.readers import StoredParts, as_parts
+from tanteo.parts import Part, StoredParts, as_parts
 from tanteo.posterior import Answer, OnTable
 from tanteo.vision.answers import ImageMode, Question, deciding_touch, hypothesis, judged, too_many
 from tanteo.vision.camera import Camera, on_plane

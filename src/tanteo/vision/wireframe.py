@@ -12,8 +12,7 @@ import numpy as np
 from tanteo import _core
 from tanteo.fitting.localization import motion_scale
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
-from tanteo.parts import Part, Surface, round_features
-from tanteo.parts.faces import Rim
+from tanteo.parts import Part, Rim, Surface, round_features
 from tanteo.parts.readers import mesh_edges
 from tanteo.vision.settings import SEARCH
 

@@ -6,7 +6,6 @@ from .elements import SymmetryGroup as SymmetryGroup
 from .facets import FLOAT32 as FLOAT32
 from .patterns import HolePattern as HolePattern
 from .patterns import hole_patterns as hole_patterns
-from .rounds import Rim as Rim
 from .rounds import RoundFeature as RoundFeature
 from .rounds import centred_faces as centred_faces
 from .surfaces import exact_faces as exact_faces

@@ -10,9 +10,7 @@ from .readers import CadMesh as CadMesh
 from .readers import CadReader as CadReader
 from .readers import is_unitless as is_unitless
 from .readers import readable_suffixes as readable_suffixes
-from .reading import StoredParts as StoredParts
 from .reading import as_part as as_part
-from .reading import as_parts as as_parts
 from .topology import components as components
 from .topology import mesh_edges as mesh_edges
 from .topology import near_groups as near_groups

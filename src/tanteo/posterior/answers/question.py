@@ -9,7 +9,7 @@ from typing import Any
 
 from tanteo.errors import InputError, check_kind
 from tanteo.geometry.limits import check_count, check_significance
-from tanteo.parts.readers import as_parts
+from tanteo.parts import as_parts
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.answers.results import Answer
 
