@@ -40,7 +40,7 @@ def options(scene, folder):
     if scene.rig:
         found["rig"] = _rig(scene.rig, folder)
     if scene.prior:
-        names = ("posterior", "measurements", "inference", "matching")  # where priors were, the newest first
+        names = ("posterior", "answers", "measurements", "inference", "matching")  # where priors were, the newest first
         there = (name for name in names if importlib.util.find_spec(f"tanteo.{name}") is not None)
         modules = (importlib.import_module(f"tanteo.{name}") for name in there)
         module = next(one for one in modules if hasattr(one, "Priors"))
