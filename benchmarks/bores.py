@@ -22,7 +22,8 @@ from OCP.Message import Message
 
 from tanteo.geometry import SE3, SO3
 from tanteo.parts.shapes import ball_contact
-from tanteo.planning import POLICIES, Action, Sensing, Session, Stop, at_pose, probe_of
+from tanteo.planning import POLICIES, Action, Sensing, Session, Stop, probe_of
+from tanteo.planning.start import at_pose
 from tanteo.planning.stopping import corner_distances
 from tanteo.posterior import prepare
 

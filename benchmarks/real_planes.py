@@ -89,7 +89,7 @@ def table_of_angles(found):
 
 def table_of_robots(found):
     """How many pairs hold 90 degrees within 95 percent, by what is believed of the robot."""
-    from tanteo.sensors import robot_preset
+    from tanteo.sensors.presets import robot_preset
 
     table = Table(
         "Coverage",

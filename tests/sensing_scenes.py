@@ -18,7 +18,8 @@ from tanteo.posterior.answers import corner_moves
 from tanteo.posterior.details import details_at
 from tanteo.posterior.near_variants import log_density_of_near_variant
 from tanteo.posterior.part_search import start_search
-from tanteo.sensors import NoiseLaw, Readings
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import NoiseLaw
 
 LASER = Probe("laser", NoiseLaw.of(3e-4), max_range=0.3, standoff=0.1)
 FLIGHT = Probe("time of flight", NoiseLaw.of(3e-3), max_range=0.6, standoff=0.2)

@@ -13,9 +13,11 @@ import pytest
 
 import tanteo
 from tanteo.errors import InputError
-from tanteo.planning import Sensing, Session, Stop, around, at_pose, probe_of
+from tanteo.planning import Sensing, Session, Stop, around, probe_of
+from tanteo.planning.start import at_pose
 from tanteo.posterior import PosePrior, Priors, prepare
-from tanteo.sensors import Readings, sensor_preset
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import sensor_preset
 from tanteo.vision import prepare_vision
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

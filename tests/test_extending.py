@@ -51,7 +51,8 @@ from tanteo.planning.utility import UTILITIES
 from tanteo.plugins import PluginWarning
 from tanteo.posterior import identify_points
 from tanteo.posterior.proposals import PROPOSERS
-from tanteo.sensors import NoiseLaw, Readings, measure
+from tanteo.sensors import Readings, measure
+from tanteo.sensors.presets import NoiseLaw
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```python\n# (\w+)\.py\n(.*?)^```$", re.DOTALL | re.MULTILINE)

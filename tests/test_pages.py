@@ -16,9 +16,10 @@ from tanteo.cli.app import app
 from tanteo.geometry import SE3
 from tanteo.io import read_scene
 from tanteo.parts import read_part
-from tanteo.planning import Probe, Session, at_pose
+from tanteo.planning import Probe, Session
+from tanteo.planning.start import at_pose
 from tanteo.posterior import prepare
-from tanteo.sensors import NoiseLaw
+from tanteo.sensors.presets import NoiseLaw
 from unknown_scenes import unknown_scene
 
 ROOT = Path(__file__).parents[1]

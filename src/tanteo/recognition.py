@@ -21,7 +21,8 @@ from tanteo.posterior import DEFAULTS, Answer, Candidates, Priors, about_convent
 from tanteo.posterior.answers import STATED, check_question, with_elapsed
 from tanteo.posterior.findings import about_frames, about_readings, scale_of
 from tanteo.posterior.settings import Settings
-from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
+from tanteo.sensors import Readings, Rig, measure, thinned, unstated_sd
+from tanteo.sensors.presets import RobotPreset, SensorPreset
 from tanteo.words.findings import (  # fmt: skip
     CheckPrior,
     EstimatedNoise,

@@ -12,7 +12,8 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.machines import Faults, GrblFake, GrblMachine, Machine, SerialLink, World, opened, parse_machine
 from tanteo.parts import Surface
-from tanteo.planning import Sensing, Session, Stop, at_pose, probe_of
+from tanteo.planning import Sensing, Session, Stop, probe_of
+from tanteo.planning.start import at_pose
 
 DOWN = np.array([0.0, 0.0, -1.0])
 NO_FAULTS = Faults()

@@ -24,7 +24,8 @@ from tanteo.machines import (
     parse_machine,
     probe_part,
 )
-from tanteo.planning import Sensing, Session, Stop, at_pose, probe_of
+from tanteo.planning import Sensing, Session, Stop, probe_of
+from tanteo.planning.start import at_pose
 
 LIMITS = MachineLimits(travel=0.2, reach=0.1, stale=1.0, grace=2.0)
 

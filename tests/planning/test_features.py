@@ -10,9 +10,10 @@ import pytest
 from sensing_scenes import LASER, STYLUS, drawn_truth, met_by_beams, new_session, off, rough, sense
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import POLICIES, at_pose, begin, features
+from tanteo.planning import POLICIES, begin, features
 from tanteo.planning.candidates import propose
 from tanteo.planning.context import DecisionContext
+from tanteo.planning.start import at_pose
 from tanteo.posterior import prepare
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"

@@ -17,7 +17,8 @@ from tanteo.errors import InputError
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import Start, around, at_pose, begin, from_hypotheses, update
+from tanteo.planning import around, begin, update
+from tanteo.planning.start import Start, at_pose, from_hypotheses
 from tanteo.planning.stopping import chance_within, corner_distances
 from tanteo.posterior import Priors, identify_points, prepare
 from tanteo.posterior.furniture_points import outlier_log_density

@@ -13,7 +13,8 @@ from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import log_densities, rough
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import Start, Stop, around, at_pose, begin, update
+from tanteo.planning import Stop, around, begin, update
+from tanteo.planning.start import Start, at_pose
 from tanteo.planning.stopping import chance_within, corner_distances, largest_corner_sd
 from tanteo.posterior import Priors, prepare
 from tanteo.posterior.answers import corner_sd

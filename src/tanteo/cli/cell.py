@@ -24,7 +24,8 @@ def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Option
     """
     import numpy as np
 
-    from tanteo.planning import Sensing, at_pose, begin, check_cell, update
+    from tanteo.planning import Sensing, begin, check_cell, update
+    from tanteo.planning.start import at_pose
     from tanteo.recognition import identify
 
     given = read_given(readings, [part], options, file)

@@ -134,7 +134,7 @@ class Options:
             program: options of the probing program.
         """
         from tanteo.planning import probe_of
-        from tanteo.sensors import sensor_preset
+        from tanteo.sensors.presets import sensor_preset
 
         beam = self.sensor is not None and not sensor_preset(self.sensor).is_contact
         where: dict[str, Any] = {"standoff": self.standoff, "clearance": self.clearance}
@@ -195,7 +195,8 @@ def plan(options: Options, program: ProgramOptions) -> None:
 
 def _plan(part: Part, probe: Probe, options: Options, program: ProgramOptions) -> None:
     """Compute a plan, print it, and write its files."""
-    from tanteo.planning import at_origin, at_pose, plan
+    from tanteo.planning import plan
+    from tanteo.planning.start import at_origin, at_pose
     from tanteo.render.html import plan_page
 
     target = posterior.prepare(part)
@@ -224,7 +225,7 @@ def _plan(part: Part, probe: Probe, options: Options, program: ProgramOptions) -
 def _lines(found: Plan, probe: Probe, options: Options) -> list[str]:
     import numpy as np
 
-    from tanteo.planning import ORIGIN_SDS
+    from tanteo.planning.start import ORIGIN_SDS
 
     known = typed.read_known(None, None, options.pose_prior, None)
     spread = f"{1e3 * ORIGIN_SDS[0]:g} mm and {np.degrees(ORIGIN_SDS[1]):g} deg"

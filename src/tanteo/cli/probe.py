@@ -20,7 +20,8 @@ from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, 
 if TYPE_CHECKING:
     from tanteo.machines import Probed, SafeMachine, Turn
     from tanteo.parts import Part
-    from tanteo.planning import Session, Start
+    from tanteo.planning import Session
+    from tanteo.planning.start import Start
 
 _TAKES_FRAMES = {"grbl": "grbl:G54", "linuxcnc": "G54"}
 """Controllers that can set a frame, each with an example of ``--wcs``."""
@@ -131,7 +132,7 @@ def _check_frame(words: controller.Words, options: Options, machine: MachineOpti
 
 def _start(part: Part, options: Options) -> Start:
     """Return the prior pose of the part."""
-    from tanteo.planning import at_origin, at_pose
+    from tanteo.planning.start import at_origin, at_pose
     from tanteo.posterior import Priors
 
     target, priors = posterior.prepare(part), Priors(noise_factor=options.noise_factor)

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from tanteo.io.readings import Direction
     from tanteo.parts import Part
     from tanteo.planning import Probe
-    from tanteo.ros import Intake, Knowledge, RosNode
+    from tanteo.ros import Intake, RosNode
+    from tanteo.ros.knowledge import Knowledge
 else:  # the parser resolves annotations; this name avoids a slow import
     Direction = Any
 
@@ -162,9 +163,10 @@ def _knowledge(parts: Sequence[Part], options: Options, topics: TopicOptions) ->
     """Return a session if a prior pose is given; otherwise a recognizer of all readings together."""
     import numpy as np
 
-    from tanteo.planning import Sensing, Session, Start, Stop
+    from tanteo.planning import Sensing, Session, Stop
+    from tanteo.planning.start import Start
     from tanteo.posterior import prepare_all
-    from tanteo.ros import Anywhere, Prior
+    from tanteo.ros.knowledge import Anywhere, Prior
 
     rig = None if options.rig is None else files.read_rig(options.rig)
     sensing = Sensing(

@@ -19,8 +19,8 @@ from tanteo.cli.session_record import kept, write_session
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.planning import Start
     from tanteo.planning.execution import Visit
+    from tanteo.planning.start import Start
 
 
 def image_files(image: str | None, camera: str | None, marks: str | None) -> list[tuple[str, str | None]]:

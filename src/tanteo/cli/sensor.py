@@ -17,7 +17,8 @@ from tanteo.cli.printing import complain, emit, layout, leave, print_text, put_j
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.sensors import Calibration, Rig, RobotPreset, SensorPreset
+    from tanteo.sensors import Calibration, Rig
+    from tanteo.sensors.presets import RobotPreset, SensorPreset
 
 
 def _preset_names(incomplete: str) -> list[str]:
@@ -32,7 +33,7 @@ def list_presets(json: args.Json = False) -> None:
 
     Shows how far the figures of each were verified.
     """
-    from tanteo.sensors import robot_presets, sensor_presets
+    from tanteo.sensors.presets import robot_presets, sensor_presets
 
     if json:
         document = {
@@ -60,7 +61,7 @@ def show_preset(
 
     Noise over range and incidence, limits and source.
     """
-    from tanteo.sensors import RobotPreset
+    from tanteo.sensors.presets import RobotPreset
 
     preset = _preset(name)
     if picture is not None:
@@ -84,7 +85,7 @@ def show_preset(
 
 
 def _preset(name: str) -> SensorPreset | RobotPreset:
-    from tanteo.sensors import robot_presets, sensor_preset
+    from tanteo.sensors.presets import robot_presets, sensor_preset
 
     if name in robot_presets():
         return robot_presets()[name]
@@ -136,7 +137,8 @@ def fit(
 
     Estimates beams, noise and bias. The surfaces may be anywhere; the poses of the hand are known.
     """
-    from tanteo.sensors import calibrate, robot_preset, sensor_preset
+    from tanteo.sensors import calibrate
+    from tanteo.sensors.presets import robot_preset, sensor_preset
 
     files.check_target("--write", write)
     files.check_target("--picture", picture)

@@ -44,7 +44,7 @@ def preset(name: str) -> str:
     Args:
         name: name as typed.
     """
-    from tanteo.sensors import sensor_preset
+    from tanteo.sensors.presets import sensor_preset
 
     sensor_preset(name)
     return name
@@ -56,7 +56,7 @@ def robot(name: str) -> str:
     Args:
         name: name as typed.
     """
-    from tanteo.sensors import robot_preset
+    from tanteo.sensors.presets import robot_preset
 
     robot_preset(name)
     return name
@@ -274,7 +274,7 @@ def sensor_names(incomplete: str) -> list[str]:
     Args:
         incomplete: beginning of the name.
     """
-    from tanteo.sensors import sensor_presets
+    from tanteo.sensors.presets import sensor_presets
 
     return [name for name in sensor_presets() if name.startswith(incomplete)]
 
@@ -285,7 +285,7 @@ def robot_names(incomplete: str) -> list[str]:
     Args:
         incomplete: beginning of the name.
     """
-    from tanteo.sensors import robot_presets
+    from tanteo.sensors.presets import robot_presets
 
     return [name for name in robot_presets() if name.startswith(incomplete)]
 

@@ -1,3 +1,4 @@
+from . import agreement as agreement
 from . import localization as localization
 from . import spread as spread
 from .derived import edge_from_planes as edge_from_planes

@@ -10,8 +10,8 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.factors import PoseFactor
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms
-from tanteo.planning import Start
 from tanteo.planning.execution import prior_poses
+from tanteo.planning.start import Start
 from tanteo.posterior import Alternatives, OnTable, PreparedPart
 from tanteo.vision import Camera
 from tanteo.vision.edges import EdgePoints, map_edges

@@ -12,7 +12,8 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Transforms
 from tanteo.machines.programs.job import Job, Touch, first_way, leaves, tool_axes, transfer
-from tanteo.planning import Action, Probe, Start
+from tanteo.planning import Action, Probe
+from tanteo.planning.start import Start
 from tanteo.posterior import box_corners
 from tanteo.posterior.answers import point_moves
 

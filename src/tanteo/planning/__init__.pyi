@@ -8,6 +8,7 @@ from . import policies as policies
 from . import predictions as predictions
 from . import samples as samples
 from . import shared as shared
+from . import start as start
 from . import stopping as stopping
 from . import utility as utility
 from . import whole as whole
@@ -37,12 +38,7 @@ from .session.values import Done as Done
 from .session.values import Observation as Observation
 from .session.values import Sensing as Sensing
 from .session.values import Step as Step
-from .start import ORIGIN_SDS as ORIGIN_SDS
-from .start import Start as Start
 from .start import around as around
-from .start import at_origin as at_origin
-from .start import at_pose as at_pose
-from .start import from_hypotheses as from_hypotheses
 from .state import SensingState as SensingState
 from .state import begin as begin
 from .state import update as update

@@ -10,7 +10,7 @@ import numpy as np
 from tanteo.errors import InputError, MissingExtraError
 from tanteo.geometry.typing import FloatArray
 from tanteo.replaced import replaced
-from tanteo.sensors import SensorPreset
+from tanteo.sensors.presets import SensorPreset
 
 if TYPE_CHECKING:
     from tanteo.sensors import Calibration

@@ -1,8 +1,6 @@
+from . import knowledge as knowledge
 from .intake import Intake as Intake
 from .intake import Patience as Patience
-from .knowledge import Anywhere as Anywhere
-from .knowledge import Knowledge as Knowledge
-from .knowledge import Prior as Prior
 from .latency import STEP as STEP
 from .latency import estimate_latency as estimate_latency
 from .network import Settings as Settings

@@ -1,6 +1,7 @@
 from . import emission as emission
 from . import kinds as kinds
 from . import noise as noise
+from . import presets as presets
 from .anomalies import find_repeated as find_repeated
 from .anomalies import find_stuck as find_stuck
 from .calibration.calibrate import calibrate as calibrate
@@ -18,13 +19,6 @@ from .kinds import reading_kind as reading_kind
 from .measurements import PointMeasurements as PointMeasurements
 from .measuring import measure as measure
 from .measuring import unstated_sd as unstated_sd
-from .presets import NoiseLaw as NoiseLaw
-from .presets import RobotPreset as RobotPreset
-from .presets import SensorPreset as SensorPreset
-from .presets import robot_preset as robot_preset
-from .presets import robot_presets as robot_presets
-from .presets import sensor_preset as sensor_preset
-from .presets import sensor_presets as sensor_presets
 from .readings import Readings as Readings
 from .readings import check_readings_kind as check_readings_kind
 from .readings import concatenate as concatenate

@@ -11,9 +11,10 @@ from felt_scenes import gripper
 from tanteo.geometry import SE3
 from tanteo.hand import FREE, HIT, LOST, HandReading
 from tanteo.hand.simulator import Scene, box
-from tanteo.planning import Furniture, at_pose, begin
+from tanteo.planning import Furniture, begin
 from tanteo.planning.execution import PossiblePoses
 from tanteo.planning.execution.resting import as_readings, beyond_furniture, of_parts
+from tanteo.planning.start import at_pose
 from tanteo.sensors import error_model, measure
 
 HAND = gripper()

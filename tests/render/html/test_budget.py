@@ -14,7 +14,8 @@ from tanteo.posterior import PosePrior, Priors
 from tanteo.posterior.answers import corner_moves
 from tanteo.recognition import locate
 from tanteo.render.html import find_contacts, gather, make_budget
-from tanteo.sensors import Readings, robot_preset
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import robot_preset
 
 ROBOT = "calibrated_small"
 

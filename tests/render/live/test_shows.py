@@ -79,7 +79,7 @@ def test_a_click_looks_along_the_normal_of_what_it_points_at(session):
 
 def replaced(session, target):
     """The session with this part alone, so that nothing else is in the way."""
-    from tanteo.planning import at_pose
+    from tanteo.planning.start import at_pose
 
     k = next(i for i, t in enumerate(session.start.targets) if t is target)
     start = at_pose(target, session.start.Ts[k], session.start.covariances[k])

@@ -20,10 +20,12 @@ from tanteo.hand import Workspace
 from tanteo.hand.simulator import Solid
 from tanteo.io import read_camera, read_image, read_marks, write_image
 from tanteo.parts import Part
-from tanteo.planning import Action, Probe, Sensing, Session, Start, Stop, around, policy_named
+from tanteo.planning import Action, Probe, Sensing, Session, Stop, around, policy_named
 from tanteo.planning.execution import seen_start
+from tanteo.planning.start import Start
 from tanteo.posterior import Hypothesis, PreparedPart, prepare
-from tanteo.sensors import NoiseLaw, Readings
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import NoiseLaw
 
 if TYPE_CHECKING:
     from tanteo.vision import Camera, Sighting

@@ -1,3 +1,10 @@
+from . import crossings as crossings
+from . import edge_events as edge_events
+from . import patch as patch
+from . import run as run
+from . import scan as scan
+from . import seen as seen
+from . import ways as ways
 from .by_kind import SENSE as SENSE
 from .circle import sense_circle as sense_circle
 from .cylinder import sense_cylinder as sense_cylinder

@@ -15,7 +15,8 @@ from tanteo.geometry import SO3
 from tanteo.geometry.typing import IntArray, Transforms
 from tanteo.hand.motion.crossing import EdgeEvent
 from tanteo.hand.robot import HIT, Hand, HandReading
-from tanteo.sensors import Readings, Rig, RobotPreset, measure, reading_kind
+from tanteo.sensors import Readings, Rig, measure, reading_kind
+from tanteo.sensors.presets import RobotPreset
 
 if TYPE_CHECKING:
     from tanteo.hand.acquisition.wall import WallReading

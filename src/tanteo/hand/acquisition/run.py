@@ -12,7 +12,8 @@ from tanteo.hand.acquisition.seen import Cloud, Known, cloud_of
 from tanteo.hand.motion.following import retreat
 from tanteo.hand.motion.steering import Motion, Rules
 from tanteo.hand.robot import Hand, Robot
-from tanteo.sensors import Readings, RobotPreset, concatenate
+from tanteo.sensors import Readings, concatenate
+from tanteo.sensors.presets import RobotPreset
 from tanteo.words.findings import AtPose, Finding
 
 Outcome: TypeAlias = Literal["acquired", "lost", "nothing", "limit", "timeout", "unclear"]

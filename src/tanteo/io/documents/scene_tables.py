@@ -20,7 +20,7 @@ from tanteo.io.documents.document import made
 from tanteo.io.documents.rig_file import read_rig
 from tanteo.io.documents.schema import Direction, Length, Numbers, Point, Posed, Table
 from tanteo.io.poses.prior_file import AngleSds, LengthSds
-from tanteo.sensors import robot_preset
+from tanteo.sensors.presets import robot_preset
 
 AHEAD = 0.06
 """Default distance of the face to sense in front of the hand [m]."""

@@ -16,8 +16,8 @@ from tanteo.io.poses.camera_file import read_camera
 from tanteo.io.poses.images import read_image
 from tanteo.io.readings.marks_csv import read_marks
 from tanteo.parts import Part
-from tanteo.planning import Start
 from tanteo.planning.execution import HYPOTHESES, part_seen
+from tanteo.planning.start import Start
 from tanteo.vision import Camera, CameraPose, Sighting, fit_camera, render, see_table
 from tanteo.vision.regions import silhouette
 from tanteo.vision.rendering import RenderedObject, Stage

@@ -22,7 +22,7 @@ from tanteo.planning.session.action import Action
 from tanteo.planning.session.conversation import Session
 from tanteo.planning.session.values import Done, Step
 from tanteo.planning.state import SensingState
-from tanteo.sensors import RobotPreset
+from tanteo.sensors.presets import RobotPreset
 from tanteo.words import Finding, message_of
 from tanteo.words.findings import BeamsFree, FurnitureMet, NoClearPath, NoEcho, NothingToAcquire
 

@@ -16,7 +16,8 @@ from tanteo.parts import Part
 from tanteo.planning.probe import Probe
 from tanteo.planning.start import Start, from_hypotheses
 from tanteo.posterior import Alternatives, NormalPoses, PoseMixture, PreparedPart
-from tanteo.sensors import NoiseLaw, RobotPreset, error_model
+from tanteo.sensors import error_model
+from tanteo.sensors.presets import NoiseLaw, RobotPreset
 from tanteo.vision import Sight, Sighting
 
 _CONE = float(np.radians(70.0))

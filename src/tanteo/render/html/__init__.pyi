@@ -1,3 +1,5 @@
+from . import charts as charts
+from . import page as page
 from .contacts import find_contacts as find_contacts
 from .contacts import gather as gather
 from .course import course_section as course_section

@@ -1,3 +1,8 @@
+from . import colors as colors
+from . import drawing as drawing
+from . import page as page
+from . import panel as panel
+from . import primitives as primitives
 from .commands import Advance as Advance
 from .commands import AnswerNow as AnswerNow
 from .commands import Choose as Choose

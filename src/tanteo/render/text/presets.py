@@ -9,7 +9,8 @@ import numpy as np
 
 from tanteo.geometry.typing import FloatArray
 from tanteo.render.text.layout import PLAIN, Layout, printable
-from tanteo.sensors import Device, Rig, RigSensor, RobotPreset, SensorPreset
+from tanteo.sensors import Device, Rig, RigSensor
+from tanteo.sensors.presets import RobotPreset, SensorPreset
 
 _KEY = "V in the source, C computed by us from it, M from memory, A assumed by us"
 _COLUMNS = 6
