@@ -21,7 +21,8 @@ from tanteo.factors.factor import SensedSize
 from tanteo.geometry import SE3
 from tanteo.parts import Part, round_features
 from tanteo.parts.faces import exact_faces
-from tanteo.posterior import Problem, candidate_pruning, candidates, identify_points, sized
+from tanteo.posterior import Problem, candidate_pruning, identify_points, sized
+from tanteo.posterior.candidates import Candidates
 
 SD, NORMAL_SD = 1e-4, 0.02
 """Standard deviations of a point [m], and of each tilt of a sensed normal [rad]."""
@@ -187,7 +188,7 @@ def run(
 
 def narrow(catalogue: tanteo.catalogue.Catalogue, kind: str, scenes: int, seed: int, sd: float) -> tuple[str, ...]:
     """A row of what narrowing leaves, of the same scenes."""
-    every, cpu, left, kept = candidates.Candidates(catalogue), list[float](), list[int](), 0
+    every, cpu, left, kept = Candidates(catalogue), list[float](), list[int](), 0
     for number in range(-1, scenes):
         rng = np.random.default_rng((seed, number + 1))
         row = int(rng.integers(len(catalogue)))

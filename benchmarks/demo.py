@@ -12,8 +12,7 @@ from importlib import resources
 
 import numpy as np
 
-from tanteo.bench.demo import needed
-from tanteo.bench.demo.story import NEEDED, try_it
+from tanteo.bench.demo import NEEDED, needed, try_it
 
 WORKERS = 2
 

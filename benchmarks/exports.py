@@ -26,7 +26,7 @@ class Exports:
     Attributes:
         root: folder of the checkout.
         modules: dotted names of all modules and packages.
-        packages: names that each package of ``tanteo``, and ``tanteo`` itself, exports.
+        packages: names that each package of ``tanteo``, and ``tanteo`` itself, exports; not those of the compiled core.
         public: public modules and their names.
     """
 
@@ -34,8 +34,8 @@ class Exports:
         self.root = root
         self._src = root / "src" / "tanteo"
         self.modules = {self._dotted(path): path for path in sorted(self._src.rglob("*.py"))}
-        lists = {self._dotted(path): path for path in sorted(self._src.rglob("__init__.pyi"))}
-        self.packages = {name: _listed(path) for name, path in lists.items() if name.count(".") < 2}
+        packages = [name for name, path in self.modules.items() if path.name == "__init__.py" and name.count(".") < 2]
+        self.packages = {name: self._names(name) for name in packages if name != "tanteo._core"}
         self.public: dict[str, list[str]] = {}
         names = [f"{package}.{name}" for package, listed in self.packages.items() for name in listed]
         waiting = [name for name in names if name in self.modules and name.count(".") > 1]

@@ -23,7 +23,8 @@ from tanteo.factors import FreeRays
 from tanteo.features import Feature, SharedError, SharedTerm, relate_all
 from tanteo.features.constraints import CONSTRAINT_KINDS, PAIR_RELATIONS
 from tanteo.features.kinds import KINDS, PLANE
-from tanteo.fitting import FITS, fit_labelled
+from tanteo.fitting import fit_labelled
+from tanteo.fitting.fits import FITS
 from tanteo.fitting.localization import RELATIONS, ModelFeature, Pairing, estimate_pose
 from tanteo.geometry import SE3
 from tanteo.hand import Workspace

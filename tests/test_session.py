@@ -26,7 +26,7 @@ from tanteo.geometry import SE3
 from tanteo.parts import read_part
 from tanteo.planning import Action, Done, Sensing, Session, Stop, around, begin, probe_of, update
 from tanteo.planning.candidates import Candidates
-from tanteo.planning.session.answer import answered, moved
+from tanteo.planning.session import answered, moved
 from tanteo.planning.start import at_pose
 from tanteo.posterior import PosePrior, Priors, prepare
 from tanteo.recognition import identify

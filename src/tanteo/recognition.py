@@ -17,8 +17,9 @@ from tanteo.geometry.limits import check_length
 from tanteo.geometry.typing import FloatArray
 from tanteo.parts import Part, part_named
 from tanteo.parts.readers import as_part
-from tanteo.posterior import DEFAULTS, Answer, Candidates, Priors, about_conventions, identify_points, sized
+from tanteo.posterior import DEFAULTS, Answer, Priors, about_conventions, identify_points, sized
 from tanteo.posterior.answers import STATED, check_question, with_elapsed
+from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.findings import about_frames, about_readings, scale_of
 from tanteo.posterior.settings import Settings
 from tanteo.sensors import Readings, Rig, measure, thinned, unstated_sd

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from tanteo.bench import BenchSet, Placement, at_work, generate, read_set, run, write_set
-from tanteo.bench.running import Outcome
+from tanteo.bench import BenchScene, BenchSet, Outcome, Placement, at_work, generate, read_set, run, write_set
 from tanteo.bench.scoring import largest_corner_error, score, with_decisions
-from tanteo.bench.sets import BenchScene
 from tanteo.bench.tables import bench_picture, read_scores, score_table, write_scores
 from tanteo.errors import InputError
 from tanteo.geometry import SE3

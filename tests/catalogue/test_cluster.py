@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from tanteo.catalogue import build_catalogue, open_catalogue, spreading
+from tanteo.catalogue import build_catalogue, open_catalogue, pool, spreading
 from tanteo.catalogue.cluster import at_work, check_scheduler, run_tasks
 from tanteo.cli import main
 from tanteo.errors import InputError
@@ -99,7 +99,7 @@ def test_large_files_are_tasks_of_their_own(tmp_path, monkeypatch):
     requests = {}
     for k, size in enumerate((20, 20, 500, 20)):
         (tmp_path / str(k)).write_bytes(b"x" * size)
-        requests[k] = spreading.Request(str(tmp_path / str(k)), "mm", str(k))
+        requests[k] = pool.Request(str(tmp_path / str(k)), "mm", str(k))
     asked = []
     monkeypatch.setattr(spreading, "run_tasks", lambda scheduler, work, tasks, settle: asked.extend(tasks.values()))
     spreading.read_on_cluster(requests, print, "local:1")
@@ -202,7 +202,7 @@ def test_a_worker_with_another_version_is_told():
 
 def test_a_file_that_is_another_one_there_is_not_taken(parts):
     path = str(parts / "p01.off")
-    (found,) = spreading.read_batch({4: spreading.Request(path, "mm", "p01", key="f" * 64, record=True)}).values()
+    (found,) = spreading.read_batch({4: pool.Request(path, "mm", "p01", key="f" * 64, record=True)}).values()
     assert found.startswith(f"{path}: expected the same file on every worker")
 
 

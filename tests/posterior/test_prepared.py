@@ -12,7 +12,7 @@ from bare_scenes import no_paths, touches_of
 from tanteo import _core
 from tanteo.catalogue import SHAPE, cache, read_parts
 from tanteo.geometry import SE3
-from tanteo.posterior import PreparedPart, Priors, Problem, prepared, sized
+from tanteo.posterior import PreparedPart, Priors, Problem, prepare, sized
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "parts"
 
@@ -53,7 +53,7 @@ def test_a_shape_that_was_opened_answers_alike():
 
 def test_nothing_is_made_before_it_is_asked_for():
     part = flange()
-    assert prepared.prepare(part).spacing > 0
+    assert prepare(part).spacing > 0
     assert not entry_of(part).exists()
 
 

@@ -19,9 +19,10 @@ from tanteo.features import Feature
 from tanteo.features.kinds import CIRCLE
 from tanteo.fitting.localization import ModelFeature, Pairing
 from tanteo.geometry import SE3, SO3
-from tanteo.vision import Camera, find_edges, find_ellipses, image_centre, image_circle, prepare_vision, render, see
+from tanteo.vision import Camera, find_edges, find_ellipses, prepare_vision, render, see
 from tanteo.vision.circles import circle_poses, project_circle
 from tanteo.vision.ellipse_fit import fit_ellipse
+from tanteo.vision.features import image_centre, image_circle
 from tanteo.vision.rendering import Stage, rendered_part
 
 CAMERA = Camera(np.array([[620.0, 0, 317.0], [0, 615.0, 243.0], [0, 0, 1]]), (640, 480), edge_sd=0.0)

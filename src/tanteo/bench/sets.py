@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.geometry import frozen_array
+from tanteo.geometry.covariances import frozen_array
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
 from tanteo.parts import Part
 

@@ -1,7 +1,9 @@
 from . import cache as cache
 from . import cluster as cluster
 from . import file_warnings as file_warnings
+from . import pool as pool
 from . import signatures as signatures
+from . import spreading as spreading
 from . import stability as stability
 from .building import Built as Built
 from .building import add_to_catalogue as add_to_catalogue

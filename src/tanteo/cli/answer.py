@@ -97,7 +97,7 @@ def _print_latency(path: str, answer: posterior.Answer, given: Given, options: O
     if answer.best is None:
         return
     from tanteo.parts import part_named
-    from tanteo.ros import STEP, estimate_latency
+    from tanteo.ros.latency import STEP, estimate_latency
     from tanteo.sensors import measure
 
     shifted: tuple[Readings, ...] = ()

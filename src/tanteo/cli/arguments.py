@@ -101,12 +101,12 @@ FurniturePaths = Annotated[
 TableAt = Annotated[
     Table | None,
     _prior("--table", "HEIGHT", "The part rests on a level table at this height, as 0+-1mm."),
-    Words(lambda text: io.parse_table(text, "--table")),
+    Words(lambda text: io.poses.parse_table(text, "--table")),
 ]
 BoxAt = Annotated[
     FloatArray | None,
     _prior("--box", "LOW,HIGH", "The part is in this box of the world, as 0,0,0,500,400,200mm."),
-    Words(lambda text: io.parse_box(text, "--box")),
+    Words(lambda text: io.poses.parse_box(text, "--box")),
 ]
 PosePriorAt = Annotated[
     UncertainFrame | None,

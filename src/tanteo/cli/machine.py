@@ -38,7 +38,7 @@ def _address(text: str) -> Address:
 
 
 def _box(text: str) -> FloatArray:
-    return io.parse_box(text, "--workspace")
+    return io.poses.parse_box(text, "--workspace")
 
 
 def _radius(text: str) -> float:

@@ -128,7 +128,8 @@ def ros(options: Options, topics: TopicOptions) -> None:
 
     Subscribes to ranges and touches, and publishes poses with covariance.
     """
-    from tanteo.ros import RosNode, Settings, opened
+    from tanteo.ros import RosNode
+    from tanteo.ros.network import Settings, opened
 
     settings = Settings(topics.node, topics.sim_time, options.max_measurements, options.once)
     with _named(topics.node), opened(settings) as node:

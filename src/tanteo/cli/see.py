@@ -15,7 +15,8 @@ from tanteo.cli import files
 from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, warned
 
 if TYPE_CHECKING:
-    from tanteo.vision import Camera, CameraPose, Sight
+    from tanteo.vision import Camera, Sight
+    from tanteo.vision.table import CameraPose
 
 _DARK, _INEXACT = 32.0, 1.0
 """Largest grey level of a dark image; rms residual of marks above which the fit is poor [px]."""

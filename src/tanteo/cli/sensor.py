@@ -17,7 +17,8 @@ from tanteo.cli.printing import complain, emit, layout, leave, print_text, put_j
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.sensors import Calibration, Rig
+    from tanteo.sensors import Rig
+    from tanteo.sensors.calibration import Calibration
     from tanteo.sensors.presets import RobotPreset, SensorPreset
 
 
@@ -181,7 +182,7 @@ def _print_written(rig: str | None, picture: str | None) -> None:
 
 
 def _write(found: Calibration, rig: Rig | None, sensor: SensorPreset | None, log: str, path: str) -> None:
-    from tanteo.sensors import calibrated_rig
+    from tanteo.sensors.calibration import calibrated_rig
 
     comment = (
         f"Calibrated by `tanteo sensor fit` from {Path(log).name}: {int(found.good.sum())} places.\n"

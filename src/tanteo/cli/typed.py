@@ -253,7 +253,7 @@ def pose(text: str) -> Any:
     Args:
         text: value as typed.
     """
-    frame = io.parse_pose_prior(text, "--pose-prior")
+    frame = io.poses.parse_pose_prior(text, "--pose-prior")
     _warn_if_unverified("--pose-prior", io.BRANDS.get(text.split(maxsplit=1)[0].rstrip(":")))
     return frame
 

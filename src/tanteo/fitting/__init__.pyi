@@ -1,4 +1,5 @@
 from . import agreement as agreement
+from . import fits as fits
 from . import localization as localization
 from . import spread as spread
 from .derived import edge_from_planes as edge_from_planes
@@ -9,10 +10,6 @@ from .edge import edge_ml as edge_ml
 from .edge import fit_edge as fit_edge
 from .estimate import Estimate as Estimate
 from .estimate import FitReport as FitReport
-from .fits import FITS as FITS
-from .fits import LabelledPoints as LabelledPoints
-from .fits import fitted as fitted
-from .fits import register_fit as register_fit
 from .given import given_round as given_round
 from .given import with_known_size as with_known_size
 from .labelled import LabelledFeatures as LabelledFeatures

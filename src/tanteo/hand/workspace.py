@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.geometry import SE3, frozen_array
+from tanteo.geometry import SE3
+from tanteo.geometry.covariances import frozen_array
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms, Vectors
 from tanteo.hand.robot import Body
 

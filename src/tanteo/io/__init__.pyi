@@ -18,9 +18,6 @@ from .poses.pose_text import write_pose as write_pose
 from .poses.poses import pose_as_brand as pose_as_brand
 from .poses.poses import pose_from_brand as pose_from_brand
 from .poses.prior_file import read_prior as read_prior
-from .poses.prior_text import parse_box as parse_box
-from .poses.prior_text import parse_pose_prior as parse_pose_prior
-from .poses.prior_text import parse_table as parse_table
 from .readings.brands import BRANDS as BRANDS
 from .readings.brands import brand as brand
 from .readings.marks_csv import read_marks as read_marks

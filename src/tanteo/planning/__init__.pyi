@@ -1,5 +1,6 @@
 from . import candidates as candidates
 from . import context as context
+from . import discrimination as discrimination
 from . import execution as execution
 from . import explanation as explanation
 from . import measures as measures
@@ -7,6 +8,7 @@ from . import places as places
 from . import policies as policies
 from . import predictions as predictions
 from . import samples as samples
+from . import session as session
 from . import shared as shared
 from . import start as start
 from . import stopping as stopping
@@ -17,7 +19,6 @@ from .cell import CellError as CellError
 from .cell import check_cell as check_cell
 from .clearance import has_room as has_room
 from .context import Policy as Policy
-from .discrimination import Discrimination as Discrimination
 from .discrimination import discriminate as discriminate
 from .execution.loop import sense_part as sense_part
 from .execution.resting import Furniture as Furniture

@@ -9,7 +9,8 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.factors import PoseFactor
-from tanteo.geometry import SE3, check_covariances, check_transforms
+from tanteo.geometry import SE3, check_transforms
+from tanteo.geometry.covariances import check_covariances
 from tanteo.geometry.limits import check_places, check_spreads
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
 from tanteo.parts import Part

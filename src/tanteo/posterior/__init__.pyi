@@ -1,5 +1,6 @@
 from . import answers as answers
 from . import candidate_pruning as candidate_pruning
+from . import candidates as candidates
 from . import details as details
 from . import findings as findings
 from . import fit_at_mode as fit_at_mode
@@ -11,6 +12,7 @@ from . import near_variants as near_variants
 from . import outliers as outliers
 from . import part_search as part_search
 from . import proposals as proposals
+from . import sampling as sampling
 from . import settings as settings
 from . import unknown as unknown
 from . import update as update
@@ -29,7 +31,6 @@ from .answers.results import Status as Status
 from .answers.seen_outline import SeenOutline as SeenOutline
 from .answers.status import verdict as verdict
 from .answers.whole_object import WholeObject as WholeObject
-from .candidates import Candidates as Candidates
 from .convention_checks import Search as Search
 from .convention_checks import about_conventions as about_conventions
 from .diagnostics import face_elsewhere as face_elsewhere

@@ -9,7 +9,8 @@ import numpy as np
 from tanteo import _core
 from tanteo.catalogue import known_stable_poses
 from tanteo.factors import PoseFactor
-from tanteo.geometry import SE3, freeze
+from tanteo.geometry import SE3
+from tanteo.geometry.covariances import freeze
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
 

@@ -13,7 +13,7 @@ from tanteo.replaced import replaced
 from tanteo.sensors.presets import SensorPreset
 
 if TYPE_CHECKING:
-    from tanteo.sensors import Calibration
+    from tanteo.sensors.calibration import Calibration
 
 _SUFFIXES = (".png", ".svg", ".pdf")
 _INK, _RED, _GREY = "#22303c", "#b84800", "#5c6873"

@@ -1,9 +1,7 @@
 from . import knowledge as knowledge
+from . import latency as latency
+from . import network as network
 from .intake import Intake as Intake
 from .intake import Patience as Patience
-from .latency import STEP as STEP
-from .latency import estimate_latency as estimate_latency
-from .network import Settings as Settings
-from .network import opened as opened
 from .node import RosNode as RosNode
 from .types import filled as filled

@@ -1,3 +1,4 @@
+from . import calibration as calibration
 from . import emission as emission
 from . import kinds as kinds
 from . import noise as noise
@@ -5,11 +6,6 @@ from . import presets as presets
 from .anomalies import find_repeated as find_repeated
 from .anomalies import find_stuck as find_stuck
 from .calibration.calibrate import calibrate as calibrate
-from .calibration.result import BeamFit as BeamFit
-from .calibration.result import Calibration as Calibration
-from .calibration.result import Outlier as Outlier
-from .calibration.result import plane_angle as plane_angle
-from .calibration.rig import calibrated_rig as calibrated_rig
 from .checks import check_features as check_features
 from .columns import Column as Column
 from .devices import Device as Device

@@ -1,9 +1,11 @@
 from . import answers as answers
 from . import camera as camera
+from . import candidates as candidates
 from . import circles as circles
 from . import descriptors as descriptors
 from . import edges as edges
 from . import ellipse_fit as ellipse_fit
+from . import features as features
 from . import fit as fit
 from . import image_edges as image_edges
 from . import models as models
@@ -22,10 +24,6 @@ from .camera import Camera as Camera
 from .descriptors import DESCRIPTOR_NAMES as DESCRIPTOR_NAMES
 from .edges import find_edges as find_edges
 from .ellipses import find_ellipses as find_ellipses
-from .features import image_centre as image_centre
-from .features import image_circle as image_circle
-from .features import image_corner as image_corner
-from .features import image_edge as image_edge
 from .models import prepare_vision as prepare_vision
 from .outlines import outline_of_readings as outline_of_readings
 from .rendering import render as render
@@ -35,8 +33,5 @@ from .sight import see_table as see_table
 from .solid import follow as follow
 from .solid import see as see
 from .solid import see_anywhere as see_anywhere
-from .table import CameraPose as CameraPose
-from .table import TableErrors as TableErrors
-from .table import fit_camera as fit_camera
 from .views import View as View
 from .views import view_factors as view_factors

@@ -80,7 +80,7 @@ CONDITIONS = {
 
 
 def tilt(found):
-    return cs.constraints.relative.VectorEstimate(found.tilt, found.tilt_covariance, found.joint.g1, found.joint.g2)
+    return cs.constraints.VectorEstimate(found.tilt, found.tilt_covariance, found.joint.g1, found.joint.g2)
 
 
 @pytest.mark.parametrize("correlated", [False, True])

@@ -239,9 +239,9 @@ def test_relate_is_the_table_of_two():
 
 
 def test_a_relation_has_ordered_shapes_and_new_names():
-    (relation,) = cs.constraints.relation.PAIR_RELATIONS["plane", "point"]
+    (relation,) = cs.constraints.PAIR_RELATIONS["plane", "point"]
     with pytest.raises(InputError, match="got point, plane"):
-        cs.constraints.relation.register_relation(replace(relation, shapes=("point", "plane")))
+        cs.constraints.register_relation(replace(relation, shapes=("point", "plane")))
     with pytest.raises(InputError, match="'point_plane_height', which is taken"):
-        cs.constraints.relation.register_relation(relation)
-    assert cs.constraints.relation.PAIR_RELATIONS["plane", "point"] == [relation]
+        cs.constraints.register_relation(relation)
+    assert cs.constraints.PAIR_RELATIONS["plane", "point"] == [relation]

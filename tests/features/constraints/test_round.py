@@ -141,7 +141,7 @@ def test_sizes_are_constraints_with_all_their_errors():
     assert "boss or a bore" in cs.relate_size(cone).caution
     with pytest.raises(InputError, match="got a plane without"):
         cs.relate_size(Feature(PLANE, np.eye(4), np.eye(3)))
-    assert cs.constraints.relation.CONSTRAINT_KINDS["radius"].units == ("m",)
+    assert cs.constraints.CONSTRAINT_KINDS["radius"].units == ("m",)
 
 
 def pattern(rng, holes, sd, base):

@@ -12,6 +12,7 @@ from tanteo.hand.acquisition import (
     EdgeGuess,
     FaceGuess,
     VertexGuess,
+    exact_poses,
     features_of,
     plane_as_published,
     sense_edge,
@@ -19,7 +20,6 @@ from tanteo.hand.acquisition import (
     sense_vertex,
 )
 from tanteo.hand.acquisition.patch import find_patches, stands
-from tanteo.hand.acquisition.record import exact_poses
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.scan import scan
 from tanteo.hand.acquisition.seen import clearance, cloud_of, over

@@ -7,8 +7,7 @@ import pytest
 
 from felt_scenes import gripper, roof
 from tanteo.geometry import SE3, SO3
-from tanteo.hand.motion import Rules, cross_edge
-from tanteo.hand.motion.track import STEEP, Track
+from tanteo.hand.motion import STEEP, Rules, Track, cross_edge
 from tanteo.hand.simulator import Scene, SimulatedHand, box
 
 

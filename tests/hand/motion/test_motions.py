@@ -10,8 +10,18 @@ from felt_scenes import gripper
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.hand import ForbiddenBox, Workspace
-from tanteo.hand.motion import Rules, align, aligned_pose, approach, cross_edge, follow, go_to, retreat, spiral_scan
-from tanteo.hand.motion.crossing import crossing_sd
+from tanteo.hand.motion import (
+    Rules,
+    align,
+    aligned_pose,
+    approach,
+    cross_edge,
+    crossing_sd,
+    follow,
+    go_to,
+    retreat,
+    spiral_scan,
+)
 from tanteo.hand.simulator import Cell, Scene, SimulatedHand, Solid, box, clearances
 from tanteo.hand.twists import advance, rotation_twist
 

@@ -8,8 +8,7 @@ import pytest
 from felt_scenes import gripper
 from tanteo.geometry.typing import Tangents
 from tanteo.hand import FREE, HIT, LOST, NEAR, ForbiddenBox, HandReading, Workspace
-from tanteo.hand.motion import Rules, Steering, approach
-from tanteo.hand.motion.following import seen_surface
+from tanteo.hand.motion import Rules, Steering, approach, seen_surface
 from tanteo.hand.twists import advance
 
 AHEAD: Tangents = np.array([0.0, 0.0, 0.05, 0.0, 0.0, 0.0])

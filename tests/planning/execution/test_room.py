@@ -13,8 +13,7 @@ from tanteo.hand.motion import Rules
 from tanteo.parts import signed_distance
 from tanteo.planning import around, begin, hand_probe
 from tanteo.planning.candidates import propose
-from tanteo.planning.execution import FreeSpace, PossiblePoses, approach_poses, reachable
-from tanteo.planning.execution.approach import approach_path, back, route
+from tanteo.planning.execution import FreeSpace, PossiblePoses, approach_path, approach_poses, back, reachable, route
 
 RULES = Rules(clearance=0.012, workspace=Workspace.above(0.0))
 LYING = SE3.from_parts(np.eye(3), [0.0, 0.0, 0.03])

@@ -17,8 +17,9 @@ from tanteo.parts import read_part
 from tanteo.planning import Action, Sensing, Session, Stop, around, begin
 from tanteo.planning.execution import part_seen, seen_start
 from tanteo.posterior import Priors, identify_points, prepare
-from tanteo.vision import find_edges, fit_camera, see_table
+from tanteo.vision import find_edges, see_table
 from tanteo.vision.regions import find_regions
+from tanteo.vision.table import fit_camera
 
 pytest.importorskip("cv2")
 

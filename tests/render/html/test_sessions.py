@@ -12,6 +12,7 @@ from tanteo.planning import Session, explain
 from tanteo.posterior import Priors
 from tanteo.recognition import locate
 from tanteo.render.html import (
+    Candidate,
     Run,
     course_section,
     directions_of,
@@ -22,7 +23,6 @@ from tanteo.render.html import (
     headline,
     session_page,
 )
-from tanteo.render.html.scene import Candidate
 from tanteo.sensors import Readings
 
 RUN = Run("tanteo replay s.json", "tanteo 1", (("Least clearance", "3 <mm>"),))

@@ -9,8 +9,7 @@ import numpy as np
 
 from tanteo.hand.simulator import Solid
 from tanteo.planning import sense_part
-from tanteo.render.live import Advance, Click, Pause, Player, Quit, hand_show
-from tanteo.render.live.player import HELP
+from tanteo.render.live import HELP, Advance, Click, Pause, Player, Quit, hand_show
 from unknown_scenes import unknown_scene, unknown_session
 from viewer_scenes import Person
 

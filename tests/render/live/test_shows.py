@@ -14,9 +14,7 @@ import tanteo.render.live
 from tanteo.geometry import SE3
 from tanteo.hand.simulator import Scene, Solid, box
 from tanteo.planning import Action
-from tanteo.render.live import Snapshot, probe_show
-from tanteo.render.live.commands import picked
-from tanteo.render.live.shows import NOISE, simulated
+from tanteo.render.live import NOISE, Snapshot, picked, probe_show, simulated
 from tanteo.sensors import Readings, measure
 from tanteo.words.findings import ChosenByUser, ClickFailed
 from viewer_scenes import TRUE, maker

@@ -135,7 +135,8 @@ def _placed(targets: dict[str, PreparedPart], truth: str, T: Transforms) -> Star
 def _image_start(folder: Path, parts: Sequence[Part], targets: dict[str, PreparedPart]) -> tuple[Start, Seen]:
     """Return the prior that the camera gives, with pictures."""
     from tanteo.render import draw_sight
-    from tanteo.vision import fit_camera, prepare_vision, see_table
+    from tanteo.vision import prepare_vision, see_table
+    from tanteo.vision.table import fit_camera
 
     camera = read_camera(folder / "camera.yaml")
     placed = fit_camera(camera, *read_marks(folder / "marks.csv"))

@@ -22,6 +22,7 @@ from tanteo.features.constraints.relation import (
     PairRelation,
     register_relation,
 )
+from tanteo.features.constraints.relative import VectorEstimate
 
 __all__ = [
     "CONSTRAINT_KINDS",
@@ -30,6 +31,7 @@ __all__ = [
     "ConstraintKind",
     "PairGroup",
     "PairRelation",
+    "VectorEstimate",
     "angle",
     "joint",
     "point",

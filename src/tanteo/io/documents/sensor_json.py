@@ -8,7 +8,8 @@ from tanteo.io.documents.result_json import strict
 from tanteo.words.sentences import parameter_words
 
 if TYPE_CHECKING:
-    from tanteo.sensors import BeamFit, Calibration, Rig, RigSensor
+    from tanteo.sensors import Rig, RigSensor
+    from tanteo.sensors.calibration import BeamFit, Calibration
 
 
 def calibration_document(found: Calibration) -> dict[str, Any]:

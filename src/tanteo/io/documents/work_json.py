@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from tanteo.hand.acquisition import Acquired
     from tanteo.parts import Part
     from tanteo.parts.faces import RoundFeature
-    from tanteo.planning import Discrimination, Plan
+    from tanteo.planning import Plan
+    from tanteo.planning.discrimination import Discrimination
 
 
 def part_json(part: Part) -> str:

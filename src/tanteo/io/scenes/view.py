@@ -18,9 +18,10 @@ from tanteo.io.readings.marks_csv import read_marks
 from tanteo.parts import Part
 from tanteo.planning.execution import HYPOTHESES, part_seen
 from tanteo.planning.start import Start
-from tanteo.vision import Camera, CameraPose, Sighting, fit_camera, render, see_table
+from tanteo.vision import Camera, Sighting, render, see_table
 from tanteo.vision.regions import silhouette
 from tanteo.vision.rendering import RenderedObject, Stage
+from tanteo.vision.table import CameraPose, fit_camera
 
 RENDER = "render"
 """Image argument for a rendering of the scene by the simulator, instead of a file."""

@@ -7,3 +7,7 @@ A session is the only object of this package with a state. It opens no file and 
         session.tell(action.read(measured_range))
     print(session.answer().message)
 """
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

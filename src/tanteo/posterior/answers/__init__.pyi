@@ -5,8 +5,11 @@ from .part_motions import motion_of as motion_of
 from .part_motions import observed_covariance as observed_covariance
 from .part_motions import part_scale as part_scale
 from .part_motions import point_moves as point_moves
+from .part_motions import split_by_symmetry as split_by_symmetry
 from .part_motions import symmetry_motions as symmetry_motions
+from .part_motions import where_to_sense as where_to_sense
 from .part_motions import without_symmetric_rotation as without_symmetric_rotation
+from .part_motions import without_symmetry as without_symmetry
 from .pose_prior import in_box as in_box
 from .pose_prior import log_density_within as log_density_within
 from .pose_prior import prior_residuals as prior_residuals

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.geometry import SE3, check_covariances, check_transforms
+from tanteo.geometry import SE3, check_transforms
+from tanteo.geometry.covariances import check_covariances
 from tanteo.geometry.limits import LEAST_SD, check_length, check_places, check_spreads
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
 from tanteo.parts import Part

@@ -14,7 +14,8 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.errors import InputError
-from tanteo.geometry import SE3, freeze
+from tanteo.geometry import SE3
+from tanteo.geometry.covariances import freeze
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
 from tanteo.posterior.settings import DEFAULTS

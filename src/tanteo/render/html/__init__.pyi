@@ -1,4 +1,5 @@
 from . import charts as charts
+from . import combined as combined
 from . import page as page
 from .contacts import find_contacts as find_contacts
 from .contacts import gather as gather
@@ -10,6 +11,7 @@ from .page import element as element
 from .page import photo_section as photo_section
 from .part_drawn import draw_part as draw_part
 from .planned import plan_page as plan_page
+from .scene import Candidate as Candidate
 from .sections import directions_of as directions_of
 from .uncertainty import Budget as Budget
 from .uncertainty import Source as Source

@@ -3,6 +3,7 @@ from . import drawing as drawing
 from . import page as page
 from . import panel as panel
 from . import primitives as primitives
+from . import snapshot as snapshot
 from .commands import Advance as Advance
 from .commands import AnswerNow as AnswerNow
 from .commands import Choose as Choose
@@ -12,8 +13,12 @@ from .commands import Go as Go
 from .commands import Pause as Pause
 from .commands import Quit as Quit
 from .commands import Restart as Restart
+from .commands import picked as picked
+from .player import HELP as HELP
+from .player import YOUR_TURN as YOUR_TURN
 from .player import Player as Player
 from .scenes import scene_show as scene_show
+from .shows import NOISE as NOISE
 from .shows import Show as Show
 from .shows import Watch as Watch
 from .shows import hand_show as hand_show
@@ -22,6 +27,7 @@ from .shows import probe_show as probe_show
 from .shows import simulated as simulated
 from .snapshot import Snapshot as Snapshot
 from .view import NEEDS_VISER as NEEDS_VISER
+from .view import extent as extent
 from .view import follow as follow
 from .view import moments as moments
 from .view import play as play
