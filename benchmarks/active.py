@@ -33,7 +33,7 @@ import tanteo
 from cli.conftest import prism, stl
 from sensing_scenes import LASER, drawn_truth, located, new_session, true_range
 from tanteo.geometry import SE3
-from tanteo.planning import POLICIES, Action, Probe, Sensing, Session, Stop, around, begin, plan, update
+from tanteo.planning import POLICIES, Action, Probe, Sensing, Session, Stop, at_place, begin, plan, update
 from tanteo.planning.candidates import propose
 from tanteo.planning.predictions import predict
 from tanteo.planning.samples import draw
@@ -79,7 +79,7 @@ def panel(scenes, seed):
         path = Path(folder) / "panel.stl"
         path.write_text(stl(prism(outline, 200)))
         target = prepare(tanteo.read_part(path, unit="mm"))
-    start, rows = around([target], np.eye(4), np.diag(np.repeat([0.05, 0.065], 3) ** 2)), []
+    start, rows = at_place([target], np.eye(4), np.diag(np.repeat([0.05, 0.065], 3) ** 2)), []
     for sd in (5e-4, 2e-3):
         probe = Probe("touch", NoiseLaw.of(sd), contact=True, max_range=0.6, standoff=0.3, clearance=0.02)
         moved, turned, needed = [], [], []

@@ -133,7 +133,7 @@ class Clairvoyant:
         samples = draw(s.state, 600)
         p = predict(samples, c.origins, c.directions)
         true = met_by_beams(self.target, self.T[None], c.origins, c.directions)[0]  # (C, 1)
-        answers, met = p.met & s.probe.answers(p.ranges, p.cosines), np.isfinite(true)
+        answers, met = p.hit & s.probe.answers(p.ranges, p.cosines), np.isfinite(true)
         own = s.probe.variance(np.where(answers, p.ranges, 1.0), np.where(answers, p.cosines, 1.0)) + p.variances
         gaps = np.where(answers, p.ranges, 0.0) - np.where(met, true, 0.0)
         hit = np.where(answers, np.exp(-0.5 * gaps**2 / own) / np.sqrt(2 * np.pi * own), 0.0)

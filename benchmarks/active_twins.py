@@ -14,7 +14,7 @@ from common import Table
 import tanteo
 from sensing_scenes import FLIGHT, LASER, located, met_by_beams, new_session, sense
 from tanteo.geometry import SE3
-from tanteo.planning.discrimination import laid_on
+from tanteo.planning.discrimination import most_similar_poses
 from tanteo.planning.start import Start
 from tanteo.posterior import Priors, prepare
 
@@ -27,7 +27,7 @@ WIDE = 3e-3
 def either(pair, k, probe):
     """Located to 0.2 mm (laser) or 2 mm (time of flight) as part ``k``, which may as well be the other."""
     sd = 2e-4 if probe is LASER else 2e-3
-    poses = laid_on(pair[k], pair[1 - k])
+    poses = most_similar_poses(pair[k], pair[1 - k])
     covariances = np.stack([located(pair[k], sd)] + [located(pair[1 - k], sd)] * len(poses))
     weights = np.r_[0.5, np.full(len(poses), 0.5 / len(poses))]
     Ts = np.concatenate([np.eye(4)[None], poses])

@@ -59,12 +59,12 @@ def _rig(text, folder):
 
 def new_session(scene, parts):
     """A session about a place, with a laser."""
-    from tanteo.planning import Probe, Sensing, Session, Stop, around
+    from tanteo.planning import Probe, Sensing, Session, Stop, at_place
     from tanteo.sensors.presets import NoiseLaw
 
     laser = Probe("laser", NoiseLaw.of(scene.sd), max_range=0.3, standoff=0.1)
     stop = Stop(tolerance=2e-3, max_measurements=max(scene.readings, 1))
-    return Session(around(parts, *scene.prior), laser, Sensing(sd=scene.sd), stop=stop)
+    return Session(at_place(parts, *scene.prior), laser, Sensing(sd=scene.sd), stop=stop)
 
 
 # Asking

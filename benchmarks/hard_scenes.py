@@ -41,7 +41,7 @@ from bare_scenes import (
 )
 from sensing_scenes import drawn_truth
 from tanteo.geometry import SE3
-from tanteo.planning import around, begin, update
+from tanteo.planning import at_place, begin, update
 from tanteo.posterior import PosePrior, Priors, identify_points, prepare
 
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
@@ -155,7 +155,7 @@ def one(kind, seed, k):
 
 def _at_once(rng):
     target = _target("block")
-    start = around([target], np.eye(4), np.diag(np.repeat([3e-3, np.radians(2)], 3)) ** 2)
+    start = at_place([target], np.eye(4), np.diag(np.repeat([3e-3, np.radians(2)], 3)) ** 2)
     _, T = drawn_truth(start, rng)
     p, _ = surface_points(target, 8, rng)
     state = update(begin(start), touches_of(SE3.apply(T, p) + 2e-5 * rng.normal(size=p.shape), 2e-5), no_paths())

@@ -14,7 +14,8 @@ from scipy.stats import chi2
 
 import tanteo
 from tanteo.geometry import SE3
-from tanteo.machines import MachineLimits, SafeMachine, World, opened, parse_machine, probe_part
+from tanteo.machines import MachineLimits, SafeMachine, World, probe_part
+from tanteo.machines.address import opened, parse_machine
 from tanteo.parts import Surface
 from tanteo.planning import Sensing, Session, Stop, probe_of
 from tanteo.planning.start import at_pose
@@ -33,7 +34,7 @@ MACHINES = ("fake:direct", "fake:grbl", "fake:linuxcnc", "fake:ur")
 
 
 def session(part, priors: Priors, *, turns: bool) -> Session:
-    held = {"stylus_behind": True} if turns else {"stylus": -DOWN}
+    held = {"stylus_along_motion": True} if turns else {"stylus": -DOWN}
     where = {"contact": True, "radius": 1e-3, "approach": DOWN, "cone": np.pi / 2, "standoff": 0.02, "clearance": 0.005}
     stop = Stop(tolerance=TOLERANCE, confidence=0.95, max_measurements=20)
     return Session(

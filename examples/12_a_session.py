@@ -15,14 +15,14 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.io import read_record, write_record
 from tanteo.parts import read_part
-from tanteo.planning import Action, Probe, Sensing, Session, Stop, around, explain
+from tanteo.planning import Action, Probe, Sensing, Session, Stop, at_place, explain
 from tanteo.posterior import prepare
 from tanteo.sensors.presets import NoiseLaw
 
 folder = Path(__file__).parent / "parts"
 targets = [prepare(read_part(folder / f"{name}.step")) for name in ("bracket_left", "bracket_right", "wedge")]
 rough = np.diag([0.015, 0.015, 0.015, 0.17, 0.17, 0.17]) ** 2
-start = around(targets, SE3.exp(np.array([0.4, -0.1, 0.05, 0.0, 0.0, 0.5])), rough)
+start = at_place(targets, SE3.exp(np.array([0.4, -0.1, 0.05, 0.0, 0.0, 0.5])), rough)
 laser = Probe("laser", NoiseLaw.of(3e-4), max_range=0.3, standoff=0.1)
 
 rng = np.random.default_rng(12)
@@ -42,7 +42,8 @@ print(f"{session.answer().status}: {session.answer().message}")
 told = explain(session.state, session.steps)
 for added in told.added:
     print(
-        f"{added.ids[0]} met {added.met[0]}: {added.about_part:.2f} nats on the part, {added.part or 'none'} likeliest"
+        f"{added.ids[0]} met {added.faces[0]}: {added.about_part:.2f} nats on the part, "
+        f"{added.part or 'none'} likeliest"
     )
     print(f"   largest corner sd {1e3 * added.corner_sd:.2f} mm; best told: {added.motion or 'no motion'}")
 worst = told.directions[0]

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from tanteo.geometry import SE3, SO3
-from tanteo.planning import Probe, Sensing, Session, Stop, around
+from tanteo.planning import Probe, Sensing, Session, Stop, at_place
 from tanteo.posterior import prepare
 from tanteo.sensors import Readings
 from tanteo.sensors.presets import NoiseLaw
@@ -25,7 +25,7 @@ def told(*parts):
     """A session that was told touches of the first part face by face, one beam that met nothing, and nothing asked."""
     targets = [prepare(part) for part in parts]
     session = Session(
-        around(targets, TRUTH @ SE3.from_parts(np.eye(3), parts[0].centroid), ROUGH), TOUCH, Sensing(sd=SD)
+        at_place(targets, TRUTH @ SE3.from_parts(np.eye(3), parts[0].centroid), ROUGH), TOUCH, Sensing(sd=SD)
     )
     session.stop = Stop(tolerance=1e-3)
     all_ = replace(touches(parts[0], np.random.default_rng(3), n=2), features=("",) * 2 * len(parts[0].planes),

@@ -11,7 +11,7 @@ from tanteo import _core
 from tanteo.errors import InputError
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
-from tanteo.planning import Action, Done, Probe, Sensing, SensingState, Session, Stop, around, policy_named
+from tanteo.planning import Action, Done, Probe, Sensing, SensingState, Session, Stop, at_place, policy_named
 from tanteo.planning.stopping import corner_distances
 from tanteo.posterior import Posterior, Priors, Problem
 from tanteo.posterior.answers import corner_moves
@@ -34,7 +34,7 @@ PLACE_SD = 0.015, 0.15
 def rough(targets, sd=PLACE_SD, priors=None):
     """The parts about the world's origin, and noise that is as stated."""
     priors = Priors(noise_factor=1.0) if priors is None else priors
-    return around(targets, np.eye(4), np.diag(np.repeat(sd, 3)) ** 2, priors)
+    return at_place(targets, np.eye(4), np.diag(np.repeat(sd, 3)) ** 2, priors)
 
 
 def log_densities(points, part, priors, Ts, zs=None, *, rays=None, mixtures=None):

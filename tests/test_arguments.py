@@ -13,7 +13,7 @@ import pytest
 
 import tanteo
 from tanteo.errors import InputError
-from tanteo.planning import Sensing, Session, Stop, around, probe_of
+from tanteo.planning import Sensing, Session, Stop, at_place, probe_of
 from tanteo.planning.start import at_pose
 from tanteo.posterior import PosePrior, Priors, prepare
 from tanteo.sensors import Readings
@@ -75,13 +75,13 @@ MISUSES = [
     (lambda r, p: Stop(tolerance="1mm"), r"tolerance: expected one number \[m\]"),
     (lambda r, p: Stop(max_measurements=2.5), r"max_measurements: expected a whole number"),
     (lambda r, p: Sensing(sd="0.3mm"), r"sd: expected one number \[m\]"),
-    (lambda r, p: around("wedge.step", EYE, LOOSE), r"parts: .*'wedge\.step'"),
+    (lambda r, p: at_place("wedge.step", EYE, LOOSE), r"parts: .*'wedge\.step'"),
     (lambda r, p: at_pose([p, p], EYE, LOOSE), r"part: expected one part, got 2"),
     (lambda r, p: tanteo.identify(r, p, sd=[[1e-4], [1e-4, 2e-4]]), r"sd: expected one number"),
     (lambda r, p: tanteo.identify(r, p, top=True), r"top: expected a whole number"),
-    (lambda r, p: around(p, np.eye(3), LOOSE), r"T_world_place: expected 4 x 4"),
-    (lambda r, p: around(p, EYE, np.eye(3)), r"covariance: expected 6 x 6"),
-    (lambda r, p: around(p, EYE, np.diag([1e-4] * 3 + [100.0] * 3)), r"got 10 rad\. Is it in degrees"),
+    (lambda r, p: at_place(p, np.eye(3), LOOSE), r"T_world_place: expected 4 x 4"),
+    (lambda r, p: at_place(p, EYE, np.eye(3)), r"covariance: expected 6 x 6"),
+    (lambda r, p: at_place(p, EYE, np.diag([1e-4] * 3 + [100.0] * 3)), r"got 10 rad\. Is it in degrees"),
     (lambda r, p: probe_of(3), r"preset: expected SensorPreset"),
     (lambda r, p: probe_of("nobody"), r"sensor: expected one of"),
     (lambda r, p: Session(p, probe_of("keyence_il300")), r"start: expected Start.*around\(parts"),
@@ -118,7 +118,7 @@ def test_a_session_takes_parts_and_names_of_sensors(part):
     by_name = probe_of("keyence_il300", "calibrated_small")
     assert (by_name.name, by_name.max_range) == (sensor.name, sensor.max_range)
     assert by_name.repeat_sd > 0
-    from_part, prepared = around(part, EYE, LOOSE), around([prepare(part)], EYE.tolist(), LOOSE.tolist())
+    from_part, prepared = at_place(part, EYE, LOOSE), at_place([prepare(part)], EYE.tolist(), LOOSE.tolist())
     assert np.array_equal(from_part.Ts, prepared.Ts)
     assert np.array_equal(from_part.covariances, prepared.covariances)
     Session(from_part, by_name, Sensing(sensor="keyence_il300"), seed=np.int64(1)).ask()

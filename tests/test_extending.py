@@ -16,7 +16,7 @@ import pytest
 
 import tanteo
 from bare_scenes import box_centred_pose, inside, nees, surface_points, touches_of
-from tanteo import Action, Session, around, plugins, read_part
+from tanteo import Action, Session, at_place, plugins, read_part
 from tanteo.cli import main
 from tanteo.errors import InputError, PartError, PluginError
 from tanteo.factors import FreeRays
@@ -31,17 +31,10 @@ from tanteo.hand import Workspace
 from tanteo.io import read_readings
 from tanteo.io.logs import FORMATS, register_format
 from tanteo.io.readings import FACTORS, read_factor
-from tanteo.machines import (
-    MACHINES,
-    PROGRAMS,
-    MachineLimits,
-    RefusedError,
-    SafeMachine,
-    World,
-    opened,
-    parse_machine,
-    write_program,
-)
+from tanteo.machines import MachineLimits, SafeMachine, World
+from tanteo.machines.address import MACHINES, opened, parse_machine
+from tanteo.machines.programs import PROGRAMS, write_program
+from tanteo.machines.protocol import RefusedError
 from tanteo.parts import Surface
 from tanteo.parts.readers import CAD_READERS
 from tanteo.planning import POLICIES, Probe, Sensing, begin, policy_named
@@ -93,7 +86,7 @@ def part():
 
 
 def test_a_policy_of_ones_own_chooses(added, part):
-    place = around([part], np.eye(4), np.diag([0.005] * 3 + [0.05] * 3) ** 2)
+    place = at_place([part], np.eye(4), np.diag([0.005] * 3 + [0.05] * 3) ** 2)
     laser = Probe("laser", NoiseLaw.of(3e-4), max_range=0.4, standoff=0.15)
     session = Session(place, laser, Sensing(sd=3e-4), policy=added["nearest"].NearestFirst())
     surface = Surface(part.vertices, part.triangles)
@@ -183,7 +176,7 @@ def test_a_relation_of_ones_own_is_calibrated(added):
 
 
 def test_a_utility_of_ones_own_chooses(added, part):
-    place = around([part], np.eye(4), np.diag([0.005] * 3 + [0.05] * 3) ** 2)
+    place = at_place([part], np.eye(4), np.diag([0.005] * 3 + [0.05] * 3) ** 2)
     laser = Probe("laser", NoiseLaw.of(3e-4), max_range=0.4, standoff=0.15)
     state = begin(place)
     context = DecisionContext(state, propose(state, laser, 300), laser, None, None, 0, 0)
@@ -627,9 +620,9 @@ import numpy as np
 
 import tanteo
 from tanteo.io.logs import Log, LogFormat
-from tanteo.machines import MachineKind
+from tanteo.machines.address import MachineKind
 from tanteo.parts.readers import CadMesh, CadReader
-from tanteo.machines import ProgramLanguage
+from tanteo.machines.programs import ProgramLanguage
 
 
 def fail(*args, **more):
@@ -741,7 +734,7 @@ def test_nothing_is_imported_before_it_is_used(acme, touched):
     folder, _ = touched
     code = (
         "import sys, tanteo, tanteo.parts, tanteo.machines, tanteo.io\n"
-        "tanteo.machines.MACHINES, tanteo.parts.readers.CAD_READERS.names()\n"
+        "tanteo.machines.address.MACHINES, tanteo.parts.readers.CAD_READERS.names()\n"
         f"tanteo.read_parts({str(folder / 'wedge.tri')!r}, cache=False, workers=0)\n"
         "print([m for m in ('trifile', 'caliper', 'level', 'pendant', 'millbox') if m in sys.modules])\n"
     )

@@ -12,7 +12,7 @@ from bare_scenes import box_centred_pose, surface_points
 from tanteo import Readings, identify
 from tanteo.geometry import SE3
 from tanteo.parts import Part, Surface, read_part
-from tanteo.planning import Probe, around, plan
+from tanteo.planning import Probe, at_place, plan
 from tanteo.posterior import Priors, prepare
 from tanteo.sensors.presets import NoiseLaw
 from tanteo.vision import prepare_vision, see_table
@@ -111,7 +111,7 @@ def test_a_plan_for_it_reaches_the_same(bracket, tmp_path):
     far, _ = moved_file(bracket, 55.0, tmp_path)
     probe = Probe("laser", NoiseLaw.of(SD), max_range=0.3, standoff=0.1)
     rough = np.diag(np.repeat((1e-3, 1e-2), 3)) ** 2
-    plans = [plan(around((prepare(p),), np.eye(4), rough), probe, 1e-3) for p in (bracket, far)]
+    plans = [plan(at_place((prepare(p),), np.eye(4), rough), probe, 1e-3) for p in (bracket, far)]
     assert plans[0].reached
     assert plans[1].reached
     assert abs(len(plans[0].readings) - len(plans[1].readings)) <= 1

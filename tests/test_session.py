@@ -24,7 +24,7 @@ from sensing_scenes import (
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import Action, Done, Sensing, Session, Stop, around, begin, probe_of, update
+from tanteo.planning import Action, Done, Sensing, Session, Stop, at_place, begin, probe_of, update
 from tanteo.planning.candidates import Candidates
 from tanteo.planning.session import answered, moved
 from tanteo.planning.start import at_pose
@@ -109,7 +109,7 @@ def test_a_question_of_somebody_else_takes_the_place_of_its_own(targets):
     assert session.tell(theirs.read(0.1)).action is theirs
     assert session.ask().number == own.number + 1
     session.put(None)
-    assert session.asked is None
+    assert session.pending is None
     assert session.ask().number == own.number + 2
     session.put(replace(theirs, number=own.number + 6))  # of another session: no number comes twice
     session.put(None)
@@ -140,7 +140,7 @@ def test_only_its_answer_ends_the_wait_of_a_question(targets):
     assert session.tell(late, second).ids == ()  # nothing new answers nothing
     assert session.ask() is second
     assert session.tell(second.read(second.expected)).action is second
-    assert session.asked is None
+    assert session.pending is None
     assert session.ask().number == 3
 
 
@@ -164,7 +164,7 @@ def test_an_answer_is_known_by_its_beam_or_its_name(targets, how):
     session = new_session(rough(targets))
     action = session.ask()
     assert session.tell(known_by(how, action)).action is action
-    assert session.asked is None
+    assert session.pending is None
 
 
 def test_a_reading_of_another_beam_answers_only_by_word(targets):
@@ -181,10 +181,10 @@ def test_a_reading_of_another_beam_answers_only_by_word(targets):
     ]
     for other in others:
         assert session.tell(other).action is None
-        assert session.asked is action
+        assert session.pending is action
     far = replace(one, points=one.points.map(lambda p: p + 0.3 * action.expected * across), ids=("said",))
     assert session.tell(far, action).action is action
-    assert session.asked is None
+    assert session.pending is None
 
 
 def test_a_hand_that_is_not_quite_where_it_was_sent_has_answered(targets):
@@ -207,7 +207,7 @@ def test_a_question_that_expects_nothing_is_answered_by_its_beam(targets, expect
     session.put(action)
     told = Readings.from_columns((action.origin + 0.1 * action.direction)[None], ids=["mine"])
     assert session.tell(told).action is action
-    assert session.asked is None
+    assert session.pending is None
 
 
 def test_only_question_that_waits_is_dropped_when_it_is_refused(targets):
@@ -218,7 +218,7 @@ def test_only_question_that_waits_is_dropped_when_it_is_refused(targets):
     session.refuse(first)
     assert session.ask() is second
     session.refuse(replace(second))  # as it is read from a record
-    assert session.asked is None
+    assert session.pending is None
     assert session.refused[0] is first
 
 
@@ -283,7 +283,7 @@ def test_nothing_is_enough_before_a_reading_met_a_part(targets):
 def two_steps(weights, **stop):
     """Readings on what both steps have: nothing but what was known beforehand tells which it is."""
     first, second = (prepare(read_part(PARTS / f"step_{n}mm.step")) for n in (12, 15))
-    start = around([first, second], np.eye(4), np.diag(np.repeat([1e-3, 0.01], 3)) ** 2)
+    start = at_place([first, second], np.eye(4), np.diag(np.repeat([1e-3, 0.01], 3)) ** 2)
     start = replace(start, Ts=np.stack([np.eye(4)] * 2), weights=np.array(weights))  # the files have one frame
     both = np.flatnonzero(second.surface.closest(first.samples).distances < 1e-6)[:6]
     session = new_session(start, **stop)

@@ -11,7 +11,7 @@ from tanteo.geometry import SE3, SO3
 from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.hand.motion import Rules
 from tanteo.hand.simulator import Cell, Scene, SimulatedHand, Solid, box, clearances
-from tanteo.planning import Furniture, Sensing, Session, Stop, around, hand_probe, policy_named
+from tanteo.planning import Furniture, Sensing, Session, Stop, at_place, hand_probe, policy_named
 from tanteo.planning.execution import reachable
 from tanteo.planning.start import Start
 from tanteo.planning.stopping import corner_distances
@@ -62,7 +62,7 @@ def unknown_scene(targets, number, rng, *, told=True, cell=None, rest=None) -> U
     return Unknown(
         scene,
         T,
-        around(targets, T_world_place, spread),
+        at_place(targets, T_world_place, spread),
         Rules(clearance=CLEARANCE, workspace=Workspace.above(0.0, boxes)),
         Furniture(Scene.of([table, clamp] if told else [table]).surface),
         SimulatedHand(scene, gripper(), above, rng=rng, cell=cell or Cell()),

@@ -11,7 +11,7 @@ from tanteo.geometry import SE3, SO3
 from tanteo.hand import Workspace
 from tanteo.hand.simulator import Scene, Solid, box
 from tanteo.parts import read_part
-from tanteo.planning import Session, Stop, around, policy_named
+from tanteo.planning import Session, Stop, at_place, policy_named
 from tanteo.posterior import prepare
 from tanteo.render.live import HELP, YOUR_TURN, laser, probe_show, simulated
 
@@ -30,7 +30,7 @@ def maker(targets, **stop):
     part = targets[0].part
     truth = Solid.at("unknown", part.vertices, part.triangles, TRUE)
     place = TRUE @ SE3.from_parts(np.eye(3), part.centroid + np.array([0.004, -0.006, 0.001]))
-    start = around(targets, place, np.diag(np.repeat([8e-3, 0.06], 3) ** 2))
+    start = at_place(targets, place, np.diag(np.repeat([8e-3, 0.06], 3) ** 2))
     surfaces = Scene.of([truth]).surface, Scene.of([TABLE]).surface
 
     def make(seed, policy):

@@ -19,7 +19,7 @@ from .planning import Probe as Probe
 from .planning import Sensing as Sensing
 from .planning import Session as Session
 from .planning import Stop as Stop
-from .planning import around as around
+from .planning import at_place as at_place
 from .planning import discriminate as discriminate
 from .planning import plan as plan
 from .planning import probe_of as probe_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,13 +17,15 @@ from tanteo.geometry.limits import check_length
 from tanteo.geometry.typing import FloatArray
 from tanteo.parts import Part, part_named
 from tanteo.parts.readers import as_part
-from tanteo.posterior import DEFAULTS, Answer, Priors, about_conventions, identify_points, sized
+from tanteo.posterior import DEFAULTS, Answer, Priors, Problem, identify_points, sized
 from tanteo.posterior.answers import STATED, check_question, with_elapsed
 from tanteo.posterior.candidates import Candidates
+from tanteo.posterior.convention_checks import about_conventions
 from tanteo.posterior.findings import about_frames, about_readings, scale_of
 from tanteo.posterior.settings import Settings
 from tanteo.sensors import Readings, Rig, measure, thinned, unstated_sd
 from tanteo.sensors.presets import RobotPreset, SensorPreset
+from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
     CheckPrior,
     EstimatedNoise,
@@ -138,16 +140,43 @@ def identify(
     answer = with_elapsed(answer, measure=elapsed)
     frames = about_frames(answer, scale_of(measured.points, parts), measured, settings.checks)
 
-    def ask(readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = bias_sd) -> Answer:
-        return identify(
-            readings, parts, sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd,
-            rig=rig, significance=significance, top=1, priors=priors, views=views,
-            factors=factors, seed=seed, conventions=False, settings=settings,
+    meant: Finding | None = None
+    if conventions:
+        start = time.perf_counter()
+        question = Question(
+            sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig,
+            significance=significance, priors=priors, views=views, factors=factors, seed=seed, settings=settings,
         )  # fmt: skip
-
-    meant = about_conventions(answer, readings, parts, ask, placed=placed, settings=settings) if conventions else None
+        meant = about_conventions(answer, readings, parts, question, placed=placed, settings=settings)
+        answer = with_elapsed(answer, conventions=time.perf_counter() - start)
     meant = meant or frames  # what fits says more than what looks odd
     return answer if meant is None else answer.adding(meant)
+
+
+class Question:
+    """A question to :func:`identify` with all its options, to be asked again of other readings."""
+
+    def __init__(self, **options: Any) -> None:
+        """Keep the keyword arguments of :func:`identify`."""
+        self._options = options
+
+    def problem(self, readings: Readings, parts: Sequence[Part]) -> tuple[Problem, Candidates]:
+        """Return the measurements with their priors, and the candidate parts."""
+        own, settings, tolerance = self._options, self._options.get("settings", DEFAULTS), self._options["tolerance"]
+        candidates = Candidates(parts)
+        unstated = unstated_sd(readings, sensor=own["sensor"], sd=own["sd"], rig=own["rig"])
+        sd = own["sd"] if unstated is None else unstated
+        known = {name: own[name] for name in ("sensor", "robot", "tip_sd", "bias_sd", "rig")}
+        measured = measure(readings, sd=sd, **known)
+        points = as_contact_points(measured, tolerance, readings.ranges.take(measured.rows))
+        priors = _with_noise_factor(own["priors"], readings, own["sensor"], own["sd"], unstated)
+        priors = sized(priors, float(candidates.radii.max()))
+        return Problem(points, as_free_rays(measured, tolerance), priors, settings=settings), candidates
+
+    def answer(self, readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = None) -> Answer:
+        """Search and return the answer; ``bias_sd`` is the sd of a shared error along all approach directions [m]."""
+        own = self._options if bias_sd is None else self._options | {"bias_sd": bias_sd}
+        return identify(readings, parts, **own, top=1, conventions=False)
 
 
 def _factors(

@@ -11,10 +11,13 @@ import pytest
 
 from bare_scenes import box_centred_pose, surface_points
 from tanteo.errors import InputError
+from tanteo.factors import ContactPoints, FreeRays
 from tanteo.geometry import SE3
 from tanteo.io import read_readings
 from tanteo.parts import Surface, read_part
-from tanteo.posterior import Answer, about_conventions
+from tanteo.posterior import Answer, Priors, Problem
+from tanteo.posterior.candidates import Candidates
+from tanteo.posterior.convention_checks import about_conventions
 from tanteo.sensors import Readings
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -119,11 +122,19 @@ def test_normals_that_point_into_the_material_are_asked_about(run, tmp_path):
         assert ("normals have to point out of the material" in result.err) == said
 
 
+def question(answer):
+    """A question of too few points for a trial fit, and its answer."""
+    return SimpleNamespace(
+        problem=lambda readings, parts: (Problem(ContactPoints.none(), FreeRays.none(), Priors()), Candidates(parts)),
+        answer=lambda readings, parts, *, bias_sd=None: answer(readings, parts),
+    )
+
+
 @pytest.mark.parametrize(("left_aside", "asked"), [((), True), (("3",), False)])
 def test_a_mirror_image_has_to_fit_all_readings(left_aside, asked):
     part = read_part(EXAMPLES / "parts/bracket_left.step")
 
-    def ask(readings, parts):
+    def mirrored(readings, parts):
         return SimpleNamespace(best=SimpleNamespace(part=parts[1].name, outliers=left_aside, probability=0.999))
 
     best = SimpleNamespace(
@@ -131,26 +142,26 @@ def test_a_mirror_image_has_to_fit_all_readings(left_aside, asked):
     )
     answer = SimpleNamespace(status="recognized", best=best)
     readings = read_readings(EXAMPLES / "readings/bracket_left.csv")
-    assert bool(about_conventions(answer, readings, [part], ask)) == asked
+    assert bool(about_conventions(answer, readings, [part], question(mirrored))) == asked
 
 
 def test_an_impossible_question_costs_the_answer_nothing():
-    def ask(readings, parts, *, bias_sd=None):
+    def refused(readings, parts):
         raise InputError("no")
 
     part = read_part(EXAMPLES / "parts/step_15mm.step")
     readings = read_readings(EXAMPLES / "readings/step_15mm.csv")
-    assert about_conventions(Answer("unknown", (), (), 1.0), readings, [part], ask) is None
+    assert about_conventions(Answer("unknown", (), (), 1.0), readings, [part], question(refused)) is None
 
 
 def test_of_many_readings_two_dozen_are_asked_about():
     asked = []
 
-    def ask(readings, parts, *, bias_sd=None):
+    def refused(readings, parts):
         asked.append(len(readings))
         raise InputError("no")
 
     part = read_part(EXAMPLES / "parts/step_15mm.step")
     readings = Readings.from_columns(points=0.02 * np.random.default_rng(0).normal(size=(100, 3)))
-    assert about_conventions(Answer("unknown", (), (), 1.0), readings, [part], ask) is None
+    assert about_conventions(Answer("unknown", (), (), 1.0), readings, [part], question(refused)) is None
     assert set(asked) == {24}

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import io
+import os
+import signal
+import subprocess
 import sys
+import threading
+import time
 from importlib import import_module
 from pathlib import Path
 
@@ -12,7 +17,7 @@ import pytest
 
 import tanteo
 from tanteo.geometry import SE3
-from tanteo.machines import GrblFake, LinuxCncFake, World
+from tanteo.machines import GrblFake, Journal, LinuxCncFake, World
 from tanteo.parts import Surface
 
 BLOCK = Path(__file__).parents[2] / "examples" / "parts" / "block.step"
@@ -25,10 +30,12 @@ def cell():
     """A controller on loopback, as one that is no fake is addressed."""
     opened = []
 
-    def start(kind):
+    def start(kind, speedup=np.inf):
         block, T = tanteo.read_part(BLOCK), SE3.from_parts(np.eye(3), np.array([0.101, 0.099, 0.0005]))
         there = World(Surface(block.vertices, block.triangles), T, 1e-3, 2e-5, 1)
-        opened.append({"grbl": GrblFake, "linuxcnc": LinuxCncFake}[kind](there, np.array([0.15, 0.15, 0.2])))
+        opened.append(
+            {"grbl": GrblFake, "linuxcnc": LinuxCncFake}[kind](there, np.array([0.15, 0.15, 0.2]), speedup=speedup)
+        )
         return opened[-1], f"{kind}://127.0.0.1:{opened[-1].ports[0]}"
 
     yield start
@@ -93,3 +100,73 @@ def test_a_session_is_followed_on_a_page(run, monkeypatch):
     assert "Live page: http://127.0.0.1:" in result.err
     assert "viser" not in result.out
     assert sum(place == "bars" for place, _ in said) == 1 + result.err.count("met after")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="other systems have no such signals")
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+def test_a_signal_stops_the_machine_and_keeps_the_readings(run, cell, name, tmp_path):
+    fake, address = cell("grbl", 4.0)
+    record = tmp_path / "run.json"
+    typed = ("probe", "--machine", address, "--part", BLOCK, "--tolerance", "0.4mm", *PROBE, "--record", record)
+    more = ("--travel", "200mm/s", "--feed", "10mm/s")
+    command = [sys.executable, "-m", "tanteo", *map(str, typed + more)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    end = time.monotonic() + 60
+    while not (fake.motions >= 9 and fake.tip.moving and fake.modal.motion == "38.3"):
+        assert time.monotonic() < end
+        assert process.poll() is None
+        time.sleep(0.001)
+    process.send_signal(getattr(signal, name))
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == 128 + getattr(signal, name)
+    assert f"the process received {name}: a stop was sent" in " ".join(err.split())
+    assert "Traceback" not in err
+    motions = fake.motions
+    fake._take(ord("~"), bytearray())  # cycle start, by the operator
+    time.sleep(0.3)
+    assert not fake.tip.moving
+    assert fake.motions == motions
+    assert record.exists()
+    Journal(record).rows()  # has whole lines
+    result = run(*typed, *more, "--resume")
+    assert result.code == 0, result.err
+
+
+def press(fake, seconds: float = 0.5) -> None:
+    """Push the stylus once, some time after the command has begun to ask for it."""
+    while not fake.received:
+        time.sleep(0.01)
+    time.sleep(1.0)
+    fake.tip.pressed.set()
+    time.sleep(seconds)
+    fake.tip.pressed.clear()
+
+
+def test_the_user_triggers_the_probe_first(run, cell, tmp_path):
+    fake, address = cell("grbl")
+    hand = threading.Thread(target=press, args=(fake,), daemon=True)
+    hand.start()
+    more = ("--record", tmp_path / "run.json", "--travel", "200mm/s", "--feed", "10mm/s", "--check-probe", "hand")
+    result = probe(run, address, *PROBE, *more)
+    assert result.code == 0, result.err
+    assert result.err.index("push the stylus") < result.err.index("The probe reports contacts")
+
+
+def test_a_height_checks_the_probe(run, cell, tmp_path):
+    fake, address = cell("grbl")
+    fake.tip.place = np.array([0.12, 0.12, 0.09])
+    record = ("--record", tmp_path / "run.json")
+    result = probe(run, address, *PROBE, *record, "--check-probe", "5mm")
+    assert result.code == 1
+    assert "its probe does not work: a known surface is" in " ".join(result.err.split())
+    assert fake.motions == 2
+
+
+def test_a_check_that_is_none_is_refused(run):
+    assert "expected hand, off or the height" in probe(run, "fake:grbl", "--check-probe", "foot").err
+
+
+def test_a_robot_needs_the_size_of_its_tool(run):
+    typed = ("--tip-radius", "1mm", "--workspace", "0,0,0,1,1,1m")
+    assert "--tool: expected" in probe(run, "ur://127.0.0.1", *typed).err
+    assert "--tool: expected" in probe(run, "ur://127.0.0.1", *typed, "--tool", "1,2mm").err

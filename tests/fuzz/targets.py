@@ -177,7 +177,7 @@ def _record(folder):
     """A session of two readings."""
     path = folder / "session.json"
     part = read_parts([folder / "box.stl"], unit="mm", workers=0)["box"]
-    place = tanteo.around([part], np.eye(4), np.diag([1e-4] * 3 + [1e-2] * 3))
+    place = tanteo.at_place([part], np.eye(4), np.diag([1e-4] * 3 + [1e-2] * 3))
     session = tanteo.Session(place, tanteo.probe_of("keyence_il300"), tanteo.Sensing(sd=3e-4), seed=1)
     for _ in range(2):
         session.tell(session.ask().read(0.1))

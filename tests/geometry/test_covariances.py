@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tanteo.errors import CovarianceError
-from tanteo.geometry.covariances import check_covariance, check_covariances, frozen_array
+from tanteo.geometry import check_covariance, check_covariances, frozen_array
 
 
 @pytest.mark.parametrize("size", [0, 1, 3, 6])

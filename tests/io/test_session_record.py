@@ -118,7 +118,7 @@ def same(a, b):
 def asks_the_same(a, b):
     first, second = a.ask(), b.ask()
     assert type(first) is type(second)
-    assert session_document(a)["asked"] == session_document(b)["asked"]
+    assert session_document(a)["pending"] == session_document(b)["pending"]
 
 
 @pytest.mark.parametrize("scene", [plain_touches, shared_errors, rig])
@@ -136,7 +136,7 @@ def test_a_session_is_resumed_to_the_last_bit_at_any_point(scene, targets, tmp_p
             again = read_record(path, some)
         asks_the_same(session, again)
         for one in (session, again):
-            one.tell(told, None if scene is plain_touches else one.asked)  # others do not show what they answer
+            one.tell(told, None if scene is plain_touches else one.pending)  # others do not show what they answer
         same(session, again)
     if isinstance(action := session.ask(), Action):  # what cannot be made is not forgotten
         session.refuse(action)
@@ -153,7 +153,7 @@ def test_questions_that_were_replaced_are_counted_too(targets, tmp_path):
     write_record(session, tmp_path / "a.json")
     again = read_record(tmp_path / "a.json", targets)
     asks_the_same(session, again)
-    assert again.asked.number == 2
+    assert again.pending.number == 2
 
 
 def test_answers_that_came_late_are_told_again_under_questions(targets, tmp_path):
@@ -167,10 +167,10 @@ def test_answers_that_came_late_are_told_again_under_questions(targets, tmp_path
     again = read_record(tmp_path / "a.json", targets)
     same(session, again)
     assert [s.action and s.action.number for s in again.steps] == [1, None]
-    assert again.asked.number == 2
+    assert again.pending.number == 2
     asks_the_same(session, again)
-    again.tell(again.asked.read(np.inf))
-    assert again.asked is None
+    again.tell(again.pending.read(np.inf))
+    assert again.pending is None
 
 
 def test_what_a_hand_can_make_is_said_again(targets, tmp_path):
@@ -300,8 +300,8 @@ def test_questions_that_cannot_be_are_named(recorded):
         ({"number": -5}, "number: expected 1 or more"),
         ({"direction": [0, 0, 2]}, "a unit direction"),
     ):
-        path.write_text(json.dumps(document | {"asked": document["observations"][0]["asked"] | change}))
-        with pytest.raises(InputError, match=f"^{re.escape(str(path))}, asked.*{says}"):
+        path.write_text(json.dumps(document | {"pending": document["observations"][0]["action"] | change}))
+        with pytest.raises(InputError, match=f"^{re.escape(str(path))}, pending.*{says}"):
             read_record(path)
 
 
@@ -310,7 +310,7 @@ def align(path, target):
     complaint = str(path)
     try:
         record = load_record(path)
-        resumed(msgspec.structs.replace(record, observations=(), asked=None), [target] * len(record.parts))
+        resumed(msgspec.structs.replace(record, observations=(), pending=None), [target] * len(record.parts))
     except InputError as error:
         complaint = str(error)
     assert complaint.startswith(str(path))

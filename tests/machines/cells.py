@@ -10,7 +10,10 @@ from contextlib import contextmanager
 import numpy as np
 
 from tanteo.geometry import SE3
-from tanteo.machines import Faults, GrblFake, GrblMachine, Machine, SerialLink, World, opened, parse_machine
+from tanteo.machines import DirectMachine, Faults, GrblFake, GrblMachine, UrFake, UrMachine, World
+from tanteo.machines.address import Address, machine_kind, opened, parse_machine
+from tanteo.machines.link import SerialLink, TcpLink
+from tanteo.machines.protocol import Machine
 from tanteo.parts import Surface
 from tanteo.planning import Sensing, Session, Stop, probe_of
 from tanteo.planning.start import at_pose
@@ -52,6 +55,21 @@ def grbl_on_a_port(there: World, start: np.ndarray, faults: Faults, speedup: flo
         fake.close()
 
 
+@contextmanager
+def robot(start=START, **how):
+    """A Universal Robot and its fake."""
+    fake = UrFake(world(), start, **how)
+    try:
+        links = [TcpLink("127.0.0.1", port) for port in fake.ports]
+        machine = UrMachine(*links)
+        try:
+            yield machine, fake
+        finally:
+            machine.close()
+    finally:
+        fake.close()
+
+
 DRIVERS = ["fake:direct", "fake:grbl", "fake:linuxcnc", "fake:ur", "grbl on a serial port"]
 OWN = "TANTEO_DRIVERS"
 """Environment variable with addresses of fakes, separated by blanks, on which the tests run instead."""
@@ -68,6 +86,23 @@ def driver(
     else:
         with opened(parse_machine(name), there, start, speedup, faults) as machine:
             yield machine
+
+
+@contextmanager
+def cell(name: str, there: World | None = None, start=START, faults: Faults = NO_FAULTS, speedup: float = np.inf):
+    """A driver and its fake, which has the tip; the direct one is its own."""
+    there = world() if there is None else there
+    if name == "fake:direct":
+        machine = DirectMachine(there, start, speedup=speedup)
+        yield machine, machine
+        return
+    kind = name.removeprefix("fake:")
+    fake = machine_kind(kind).fake(there, start, speedup=speedup, faults=faults)
+    try:
+        with opened(Address(kind, host="127.0.0.1", ports=fake.ports)) as machine:
+            yield machine, fake
+    finally:
+        fake.close()
 
 
 def drivers() -> list[str]:

@@ -8,12 +8,15 @@ import time
 import numpy as np
 import pytest
 
-from machines.cells import DOWN, START, at, driver, drivers, world
-from tanteo.machines import ContactError, Faults, LateError, LinkLostError, MachineError, StoppedError
+from machines.cells import DOWN, START, at, cell, driver, drivers, world
+from tanteo.machines import Faults, MachineLimits, SafeMachine
+from tanteo.machines.protocol import ContactError, LateError, LinkLostError, MachineError, StoppedError
 
 FAST, SECONDS = 0.05, 5.0
 START_POSE = at(30, 20, 100)
 WIRED = [name for name in drivers() if name != "fake:direct"]
+FAKES = [name for name in drivers() if name.startswith("fake:")]
+LIMITS = MachineLimits(travel=0.2, stale=1.0, grace=2.0)
 
 
 @pytest.fixture(params=drivers())
@@ -165,3 +168,95 @@ def test_a_late_answer_is_waited_for(name):
         machine.move(at(10, 5, 30), FAST, SECONDS)
         sensed = machine.sense(DOWN, 0.02, 0.002, SECONDS)
         assert sensed.distance == pytest.approx(0.009, abs=3e-6)
+
+
+@pytest.mark.parametrize("name", drivers())
+def test_a_reading_lies_on_its_line_near_the_tip(name):
+    with driver(name, world()) as machine:
+        safe = SafeMachine(machine, LIMITS)
+        safe.move(at(10, 5, 40))
+        for direction, reach in ((DOWN, 0.03), (np.array([0.6, 0.0, -0.8]), 0.04), (DOWN, 0.01)):
+            with safe.touching():
+                sensed = safe.sense(direction, reach)
+            end = sensed.start + min(sensed.distance, reach) * direction
+            assert sensed.reported is None or np.linalg.norm(sensed.reported - end) < 5e-6
+        assert not safe.stopped
+
+
+BENT = {
+    "0.5 mm beside": Faults(beside=2), "50 mm beside": Faults(beside=2, shift=0.05), "0.5 mm along": Faults(along=2),
+    "5 mm along": Faults(along=2, shift=5e-3), "none half way": Faults(missed=2),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("faults", BENT)
+@pytest.mark.parametrize("name", WIRED)
+def test_a_wrong_contact_is_no_reading(name, faults):
+    with driver(name, world(), faults=BENT[faults]) as machine:
+        safe = SafeMachine(machine, LIMITS)
+        safe.move(at(10, 5, 40))
+        with pytest.raises(StoppedError, match="expected readings"):
+            safe.sense(DOWN, 0.03)
+        place = machine.status().place
+        with pytest.raises(StoppedError):
+            safe.move(at(10, 5, 40))
+        assert np.array_equal(machine.status().place, place)
+
+
+@pytest.mark.parametrize("name", FAKES)
+def test_a_tip_that_another_has_moved_makes_no_motion(name):
+    with cell(name) as (machine, fake):
+        safe = SafeMachine(machine, LIMITS)
+        safe.move(at(30, 20, 60))
+        fake.tip.place = fake.tip.place + np.array([0.0, 3e-3, 0.0])
+        count = len(fake.tip.travelled)
+        with pytest.raises(StoppedError):
+            safe.move(at(40, 20, 50))
+        with pytest.raises(StoppedError):
+            safe.sense(DOWN, 0.01)
+        assert len(fake.tip.travelled) == count
+
+
+@pytest.mark.parametrize("name", FAKES)
+def test_a_close_ends_a_motion_for_good(name):
+    with cell(name, speedup=1.0) as (machine, fake):
+        failed = list[MachineError]()
+
+        def run():
+            try:
+                machine.sense(DOWN, 0.06, 0.01, 30.0)
+            except MachineError as error:
+                failed.append(error)
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        time.sleep(0.3)
+        assert fake.tip.moving
+        begun = time.monotonic()
+        machine.close()
+        assert time.monotonic() - begun < 2.5
+        assert not fake.tip.moving
+        place = fake.tip.place
+        fake.tip.hold.clear()  # cycle start of an operator
+        time.sleep(0.2)
+        assert np.array_equal(fake.tip.place, place)
+        thread.join(5.0)
+        assert failed
+
+
+@pytest.mark.parametrize("seconds", [np.nan, -1.0, 0.0])
+@pytest.mark.parametrize("name", WIRED)
+def test_a_motion_without_time_ends(name, seconds):
+    begun = time.monotonic()
+    with driver(name, world(), speedup=1.0) as machine, pytest.raises(StoppedError):
+        machine.move(at(30, 20, 30), 0.01, seconds)
+    assert time.monotonic() - begun < 8.0
+
+
+def test_positions_are_finite(machine):
+    place = machine.status().place
+    assert place.shape == (3,)
+    assert np.isfinite(place).all()
+    axes = machine.status().axes
+    assert axes is None or np.allclose(axes @ axes.T, np.eye(3))
+    assert machine.facts.deceleration > 0

@@ -12,18 +12,9 @@ from machines.cells import ABOVE, DOWN, PLACE, SD, SPREAD, driver, drivers, sess
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.io import read_record
-from tanteo.machines import (
-    DirectMachine,
-    Faults,
-    Journal,
-    MachineLimits,
-    RangingMachine,
-    SafeMachine,
-    Sensed,
-    opened,
-    parse_machine,
-    probe_part,
-)
+from tanteo.machines import DirectMachine, Faults, Journal, MachineLimits, RangingMachine, SafeMachine, probe_part
+from tanteo.machines.address import opened, parse_machine
+from tanteo.machines.protocol import Sensed
 from tanteo.planning import Sensing, Session, Stop, probe_of
 from tanteo.planning.start import at_pose
 
@@ -196,7 +187,7 @@ def test_a_full_disk_stops_before_the_next_motion(block, tmp_path, monkeypatch):
         monkeypatch.setattr(Journal, "keep", lambda *_: (_ for _ in ()).throw(InputError("disk: expected room")))
         with pytest.raises(InputError, match="disk"):
             probe_part(one, SafeMachine(machine, LIMITS), tmp_path / "run.json")
-        start = one.asked.origin
+        start = one.pending.origin
         assert np.allclose(machine.status().place, start)  # it went back from the part
     assert one.count == 0
 

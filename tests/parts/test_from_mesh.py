@@ -225,7 +225,7 @@ def test_it_goes_through_everything(solids, tmp_path):
     page = report_page(answer, gather(readings, Sensing(sd=5e-5)), [ball, block], Run("x", "y", ()))
     assert "block" in page
     session = tanteo.Session(
-        tanteo.around([block], np.eye(4), np.diag([0.002] * 3 + [0.02] * 3) ** 2),
+        tanteo.at_place([block], np.eye(4), np.diag([0.002] * 3 + [0.02] * 3) ** 2),
         tanteo.probe_of(1e-4, contact=True, radius=1e-3), tanteo.Sensing(sd=1e-4),
     )  # fmt: skip
     session.tell(session.ask().read(0.05))

@@ -13,7 +13,7 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.parts import read_part, signed_distance
-from tanteo.planning import begin, has_room, probe_of
+from tanteo.planning import begin, has_clearance, probe_of
 from tanteo.planning.candidates import Candidates, propose, within_cone
 from tanteo.planning.start import at_pose
 from tanteo.posterior import Priors, prepare
@@ -58,7 +58,7 @@ def test_starts_and_ways_in_keep_clear_of_the_part(state):
     assert len(c) < len(propose(state, replace(NARROW, clearance=1e-4), 400))
     inside = SE3.apply(state.poses[0], state.target(0).part.vertices[:1])
     bad = Candidates(inside, np.array([[0.0, 0.0, -1.0]]), np.zeros(1, int), np.zeros(1, int), np.ones(1))
-    assert not has_room(state, bad, thick).any()
+    assert not has_clearance(state, bad, thick).any()
 
 
 def test_the_nearest_allowed_direction_is_taken():
@@ -192,7 +192,7 @@ def test_a_stylus_touches_the_wall_of_a_bore_from_its_axis(spacer):
     assert (signed_distance(spacer.target(0).surface, back.reshape(-1, 3))[0] >= STYLUS.clearance - 1e-9).all()
 
 
-@pytest.mark.parametrize("change", [{"stylus": None, "stylus_behind": True}, {"clearance": 0.0181}])
+@pytest.mark.parametrize("change", [{"stylus": None, "stylus_along_motion": True}, {"clearance": 0.0181}])
 def test_no_bore_is_entered_sideways_or_without_room(spacer, change):
     c, part = propose(spacer, replace(STYLUS, standoff=0.05, **change), 400), spacer.target(0).part
     assert len(c)

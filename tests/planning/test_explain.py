@@ -98,7 +98,7 @@ def test_the_first_reading_in_middle_of_a_face_fixes_its_normal(target):
     assert step.corner_sd_before == pytest.approx(np.sqrt(PLACE**2 + TURN**2 * HALF @ HALF), rel=1e-6)
     assert step.corner_sd == pytest.approx(step.corner_sd_before, rel=0.2)  # of which the worst direction is across
     normals = {f.name: n for f, n in zip(target.part.faces, target.part.planes.normals, strict=True)}
-    np.testing.assert_allclose(normals[step.met[0]], [0, 0, 1], atol=1e-9)
+    np.testing.assert_allclose(normals[step.faces[0]], [0, 0, 1], atol=1e-9)
 
 
 def test_two_readings_beside_each_other_fix_a_tilt(target):
@@ -193,7 +193,7 @@ def test_information_on_the_part_is_relative_entropy(target):
     assert (nothing.about_part, nothing.about_pose, nothing.motion) == (pytest.approx(0), pytest.approx(0), None)
     assert other.about_part > 0.5
     assert np.isnan(other.about_pose)
-    assert (none.part, none.met) == ("", ("nothing", "nothing"))
+    assert (none.part, none.faces) == ("", ("nothing", "nothing"))
     assert none.about_part == pytest.approx(np.log(1 / 0.1))
 
 

@@ -132,7 +132,7 @@ def test_a_plan_for_a_feature_needs_fewer_readings(wedge, of_corners, feature):
     y = xi @ G.T + np.sqrt(R) * rng.normal(size=(4000, len(R)))
     left = xi - y @ (C @ G.T @ np.linalg.inv(G @ C @ G.T + np.diag(R))).T
     off = np.linalg.norm(np.einsum("cij,sj->sci", places_of(wedge.part, feature).moves, left), axis=-1)
-    assert np.mean(off.max(axis=1) <= tolerance) == pytest.approx(last.within_if_met, abs=0.02)
+    assert np.mean(off.max(axis=1) <= tolerance) == pytest.approx(last.within_if_hit, abs=0.02)
     assert np.std(off, axis=0).max() < last.sd == last.feature_sd
 
 

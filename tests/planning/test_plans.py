@@ -69,15 +69,15 @@ def test_a_plan_promises_what_least_squares_gives(bracket, planned):
     """Simulated readings of the plan, estimated about the expected pose: corner errors against the promised chance."""
     found, tolerance = planned, 1.2e-3
     assert found.reached
-    assert 0.9 <= found.readings[-1].within <= found.readings[-1].within_if_met < 0.99
-    within = [r.within_if_met for r in found.readings]
+    assert 0.9 <= found.readings[-1].within <= found.readings[-1].within_if_hit < 0.99
+    within = [r.within_if_hit for r in found.readings]
     assert np.diff(within).min() > -0.005  # the chance is counted over 2,048 draws
     (G, R), rng = as_rows(bracket, *of_plan(found), FARTHER), np.random.default_rng(1)
     xi = rng.normal(size=(4000, 6)) @ np.linalg.cholesky(C).T
     y = xi @ G.T + np.sqrt(R) * rng.normal(size=(4000, len(R)))
     gain = C @ G.T @ np.linalg.inv(G @ C @ G.T + np.diag(R))
     off = np.linalg.norm(np.einsum("cij,sj->sci", corner_moves(bracket.part), xi - y @ gain.T), axis=-1).max(axis=1)
-    assert np.mean(off <= tolerance) == pytest.approx(found.readings[-1].within_if_met, abs=0.02)
+    assert np.mean(off <= tolerance) == pytest.approx(found.readings[-1].within_if_hit, abs=0.02)
 
 
 @pytest.mark.slow
@@ -333,7 +333,7 @@ def test_what_a_plan_promises_is_kept_wherever_the_part_lies():
     found = plan(start, Probe("laser", NoiseLaw.of(sd)), tolerance, feature="edge 7")
     promised = found.readings[-1].within
     assert found.reached
-    assert 0.95 <= promised <= found.readings[-1].within_if_met
+    assert 0.95 <= promised <= found.readings[-1].within_if_hit
     rng = np.random.default_rng(27)
     kept = sum(carried_out(found, wedge, start, sd, rng) <= tolerance for _ in range(40))
     assert binom.cdf(kept, 40, promised) > 0.005
@@ -358,12 +358,12 @@ def test_a_start_from_which_the_part_is_met_is_said():
     close = replace(TOUCH, standoff=8e-3, clearance=4e-3)
     found = plan(start, close, 0.7e-3, max_measurements=5)
     assert not found.reached
-    assert found.room < 0.5
+    assert found.all_clear < 0.5
     assert "within 4 mm of the part, or inside it" in found.message
     assert "--standoff" in found.message
     roomy = plan(start, FARTHER, 1.5e-3)
     assert roomy.reached
-    assert roomy.room > 0.95
+    assert roomy.all_clear > 0.95
 
 
 def test_a_probe_without_enough_room_is_told_how_much_it_has(bracket):

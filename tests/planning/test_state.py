@@ -17,7 +17,7 @@ from tanteo.errors import InputError
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import around, begin, update
+from tanteo.planning import at_place, begin, update
 from tanteo.planning.start import Start, at_pose, from_hypotheses
 from tanteo.planning.stopping import chance_within, corner_distances
 from tanteo.posterior import Priors, identify_points, prepare
@@ -46,7 +46,7 @@ def test_before_the_first_reading_it_is_the_start(targets):
 
 def test_a_place_puts_the_centroid_of_every_part_there(targets):
     T = SE3.exp(np.array([0.3, -0.2, 0.1, 0.2, 0.4, -0.3]))
-    start = around(targets, T, np.diag(np.repeat([0.01, 0.1], 3) ** 2))
+    start = at_place(targets, T, np.diag(np.repeat([0.01, 0.1], 3) ** 2))
     for k, target in enumerate(targets):
         np.testing.assert_allclose(SE3.apply(start.Ts[k], target.part.centroid), T[:3, 3], atol=1e-12)
         J = np.hstack([np.eye(3), -_hat(target.part.centroid)])

@@ -13,7 +13,7 @@ from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import log_densities, rough
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import Stop, around, begin, update
+from tanteo.planning import Stop, at_place, begin, update
 from tanteo.planning.start import Start, at_pose
 from tanteo.planning.stopping import chance_within, corner_distances, largest_corner_sd
 from tanteo.posterior import Priors, prepare
@@ -93,27 +93,27 @@ def test_only_what_is_known_but_for_none_of_these_is_confirmed():
     assert not Stop(0.9, max_measurements=3).confirms(
         state
     )  # a third of the unknown object would be left, and a quarter may be
-    twins = replace(begin(around([target, target], np.eye(4), np.eye(6))), unknown=0.4)
+    twins = replace(begin(at_place([target, target], np.eye(4), np.eye(6))), unknown=0.4)
     assert not Stop(0.9).confirms(twins)
 
 
 def test_what_little_is_left_is_worth_as_many_readings():
     """Two parts at 0.98 and 0.02: 0.098 nats are left to know, which ten readings of 0.01 tell and nine do not."""
     target = prepare(read_part(PARTS / "wedge.step"))
-    start = around([target, target], np.eye(4), np.diag(np.repeat([1e-3, 1e-3], 3)) ** 2)
+    start = at_place([target, target], np.eye(4), np.diag(np.repeat([1e-3, 1e-3], 3)) ** 2)
     state = replace(begin(replace(start, weights=np.array([0.98, 0.02]))), unknown=0.0)
     assert entr([0.98, 0.02]).sum() == pytest.approx(0.098, abs=1e-4)
-    assert Stop(0.99).settles(state, 0.01, 10)
-    assert not Stop(0.99).settles(state, 0.01, 9)
-    assert not Stop(0.99).settles(state, 0.0019, 10**6)  # no longer an expectation but its noise
-    assert Stop(0.99, tolerance=0.02).settles(state, 0.01, 10)
-    assert not Stop(0.99, tolerance=5e-4).settles(state, 0.01, 10)  # the place is missing, of either
-    assert not Stop(0.99).settles(replace(state, unknown=0.5), 0.01, 10)
+    assert Stop(0.99).many_small_gains_suffice(state, 0.01, 10)
+    assert not Stop(0.99).many_small_gains_suffice(state, 0.01, 9)
+    assert not Stop(0.99).many_small_gains_suffice(state, 0.0019, 10**6)  # no longer an expectation but its noise
+    assert Stop(0.99, tolerance=0.02).many_small_gains_suffice(state, 0.01, 10)
+    assert not Stop(0.99, tolerance=5e-4).many_small_gains_suffice(state, 0.01, 10)  # the place is missing, of either
+    assert not Stop(0.99).many_small_gains_suffice(replace(state, unknown=0.5), 0.01, 10)
 
 
 def test_a_part_is_nowhere_near_where_another_is_said_to_be():
     target = prepare(read_part(PARTS / "wedge.step"))
-    twins = replace(begin(around([target, target], np.eye(4), 1e-6 * np.eye(6))), unknown=0.1)
+    twins = replace(begin(at_place([target, target], np.eye(4), 1e-6 * np.eye(6))), unknown=0.1)
     assert chance_within(twins, 0.1) == pytest.approx(0.45)
 
 

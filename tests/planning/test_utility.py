@@ -115,10 +115,10 @@ def test_the_ball_of_a_probe_stops_before_the_surface(bracket):
     start, ball = at(bracket, (2e-5, 2e-4)), replace(LASER, contact=True, radius=2e-3)
     c, samples = propose(begin(start), LASER, 40), draw(begin(start), 8)
     point, centre = (predict(samples, c.origins, c.directions, probe) for probe in (LASER, ball))
-    met = point.met
+    met = point.hit
     np.testing.assert_allclose((point.ranges - centre.ranges)[met], (2e-3 / point.cosines)[met], rtol=1e-9)
     assert np.isinf(centre.ranges[~met]).all()
-    for probe, words in ((replace(LASER, contact=True), "no larger than the clearance"), (LASER, "none of a beam")):
+    for probe, words in ((replace(LASER, contact=True), "no larger than the clearance"), (LASER, "0 for a beam")):
         with pytest.raises(InputError, match=words):
             replace(probe, radius=2e-3 if probe is LASER else 2e-2)
 
@@ -267,7 +267,7 @@ def test_the_echo_of_a_cone_comes_from_any_of_its_rays(bracket):
     sure = truth > 0.3
     sds = np.array([depths[answers].std() if answers.any() else 0.0 for answers, depths in drawn])
     got = np.sqrt(
-        (p.scatter + CONE.cone_variance(np.where(p.met, p.ranges, 0.1), np.maximum(p.cosines, 0.1))) @ samples.weights
+        (p.scatter + CONE.cone_variance(np.where(p.hit, p.ranges, 0.1), np.maximum(p.cosines, 0.1))) @ samples.weights
     )
     assert (np.abs(got - sds) < 2e-3 + 0.35 * sds)[sure].mean() > 0.95
 

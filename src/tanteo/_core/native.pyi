@@ -125,7 +125,9 @@ def settle(
     rows: AnyInts,
     scales: FloatArray,
     poses: FloatArray,
-) -> tuple[FloatArray, FloatArray, Indices]: ...
+    offset_sd: float = 0.0,
+    with_distances: bool = False,
+) -> tuple[FloatArray, FloatArray, Indices, FloatArray, FloatArray]: ...
 def maximize(
     shape: Shape,
     problem: Problem,

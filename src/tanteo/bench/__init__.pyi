@@ -1,15 +1,9 @@
 from . import demo as demo
+from . import running as running
 from . import scoring as scoring
+from . import sets as sets
 from . import tables as tables
 from .generated import GENERATED as GENERATED
 from .generated import generate as generate
-from .running import METHODS as METHODS
-from .running import Outcome as Outcome
-from .running import at_work as at_work
-from .running import check_method as check_method
-from .running import run as run
 from .set_files import read_set as read_set
 from .set_files import write_set as write_set
-from .sets import BenchScene as BenchScene
-from .sets import BenchSet as BenchSet
-from .sets import Placement as Placement

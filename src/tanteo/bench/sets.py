@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.geometry.covariances import frozen_array
+from tanteo.geometry import frozen_array
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
 from tanteo.parts import Part
 
@@ -114,7 +114,7 @@ class Placement:
         probability: probability of this part at about this pose, or None.
 
     Example:
-        >>> tanteo.bench.Placement("cube", np.eye(4), probability=0.9).covariance is None
+        >>> tanteo.bench.sets.Placement("cube", np.eye(4), probability=0.9).covariance is None
         True
     """
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tanteo.cli import answer_options, app, demo, installation, printing, session_record
+    from tanteo.cli import app, demo, installation, printing, session_record
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -39,4 +39,4 @@ def _open_streams() -> None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8"))
 
 
-__all__ = ["answer_options", "app", "demo", "installation", "main", "printing", "session_record"]
+__all__ = ["app", "demo", "installation", "main", "printing", "session_record"]

@@ -23,6 +23,7 @@ from tanteo.errors import ReadingsError
 
 if TYPE_CHECKING:
     from tanteo.parts import Part
+    from tanteo.recognition import Question
     from tanteo.sensors import PointMeasurements, Readings, Rig
 
 _HEADER = re.compile(r"(?:^|,)\s*(?:x|range)_(mm|m|um|in)\s*(?:,|$)", re.MULTILINE)
@@ -46,7 +47,7 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     sources += [("--factor", text.partition("=")[2]) for text in options.factor or ()]
     files.check_different(("--report", options.report), inputs=sources, parts=parts)
     given = read_given(readings, parts, options, file)
-    from tanteo.recognition import MOST_VIEWED, identify
+    from tanteo.recognition import MOST_VIEWED, Question, identify
 
     table = known.table if known is not None else None
     outlines = [outline_of(view, given.measured.points, given.parts, table) for view in views]
@@ -55,21 +56,24 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     loaded = time.perf_counter() - start
     with misuse():
         priors = options.priors(known, outline)
-    query = partial(
-        identify, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
-        tip_sd=options.tip_sd, bias_sd=options.bias_sd, rig=given.rig, significance=options.significance,
-        top=options.top, as_published=options.as_published, priors=priors, factors=factors,
-        views=() if many else views, seed=options.seed, conventions=False,
-    )  # fmt: skip
+    asked: dict[str, Any] = {
+        "sensor": options.sensor, "sd": options.sd, "tolerance": options.tolerance, "robot": options.robot,
+        "tip_sd": options.tip_sd, "bias_sd": options.bias_sd, "rig": given.rig, "significance": options.significance,
+        "priors": priors, "factors": factors, "views": () if many else views, "seed": options.seed,
+    }  # fmt: skip
     with misuse(always=False):
-        result = query(given.readings, given.parts)
+        result = identify(
+            given.readings, given.parts, **asked, top=options.top, as_published=options.as_published, conventions=False
+        )
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
     _print_latency(readings, result, given, options, file)
-    if not options.json:  # print before the checks of conventions, which take longer; a JSON document contains both
+    if not options.json:  # print before the checks of conventions, which take time; a JSON document contains both
         print_answer(result, known, verbose=options.verbose, to_stderr=bool(words))
     if not options.as_published:
-        result = _questioned(result, given, query, placed=known is not None)
+        before = time.perf_counter()
+        result = _questioned(result, given, Question(**asked), placed=known is not None)
+        result = posterior.answers.with_elapsed(result, conventions=time.perf_counter() - before)
     if options.json:
         print_answer(result, as_json=True, more=words.document(result, given.parts) if words else {})
     elif words:
@@ -236,12 +240,12 @@ def _beginning(path: str) -> str:
         return text_file.read(20_000)
 
 
-def _questioned(answer: posterior.Answer, given: Given, query: posterior.Search, *, placed: bool) -> posterior.Answer:
+def _questioned(answer: posterior.Answer, given: Given, query: Question, *, placed: bool) -> posterior.Answer:
     """Return the answer with a probable convention error (units, frames, directions) as last finding, and print it."""
     if given.doubted:
         return answer
     frames = posterior.findings.about_frames(answer, given.scale, given.measured)
-    question = posterior.about_conventions(answer, given.readings, given.parts, query, placed=placed)
+    question = posterior.convention_checks.about_conventions(answer, given.readings, given.parts, query, placed=placed)
     if question is None or (frames is not None and frames.kind == question.kind == "units"):
         question = frames  # this finding names the stated units and their column
     if question is None:

@@ -16,8 +16,8 @@ from tanteo.cli.printing import emit, layout, leave, print_text, progress
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.bench import BenchSet
     from tanteo.bench.scoring import Score
+    from tanteo.bench.sets import BenchSet
 
 
 def _seconds(value: float) -> float:
@@ -113,7 +113,7 @@ def _sets(names: list[str], count: int, seed: int, parts: list[str] | None, unit
 
 
 def _run(sets: list[BenchSet], methods: list[str], limit: float, *, decide: bool) -> list[Score]:
-    from tanteo.bench import at_work, check_method, run
+    from tanteo.bench.running import at_work, check_method, run
     from tanteo.bench.scoring import score, with_decisions
 
     for method in methods:
@@ -150,7 +150,8 @@ def _show(scores: list[Score], picture: str | None) -> None:
 
 
 def _list() -> None:
-    from tanteo.bench import GENERATED, METHODS
+    from tanteo.bench import GENERATED
+    from tanteo.bench.running import METHODS
 
     emit(layout().table(("set", "what"), [(name, recipe.words) for name, recipe in GENERATED.items()], left=(0, 1)))
     print_text(f"Methods: {', '.join(METHODS)}, FILE.py:function.")

@@ -78,8 +78,8 @@ REGISTRIES = (
     "tanteo.posterior.proposals:PROPOSERS",
     "tanteo.io.logs:FORMATS",
     "tanteo.io.readings.factor_file:FACTORS",
-    "tanteo.machines:PROGRAMS",
-    "tanteo.machines:MACHINES",
+    "tanteo.machines.programs:PROGRAMS",
+    "tanteo.machines.address:MACHINES",
 )
 """Registries that plug-ins add to, as module and attribute."""
 

@@ -21,7 +21,8 @@ from tanteo.errors import InputError
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray
     from tanteo.hand import ForbiddenBox
-    from tanteo.machines import Address, MachineLimits
+    from tanteo.machines import MachineLimits
+    from tanteo.machines.address import Address
     from tanteo.planning import Probe
 else:  # the parser resolves annotations; these names avoid slow imports
     Address = FloatArray = ForbiddenBox = Any
@@ -32,7 +33,7 @@ _DOWN, _UP = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
 
 
 def _address(text: str) -> Address:
-    from tanteo.machines import parse_machine
+    from tanteo.machines.address import parse_machine
 
     return parse_machine(text)
 
@@ -43,6 +44,28 @@ def _box(text: str) -> FloatArray:
 
 def _radius(text: str) -> float:
     return io.readings.parse_length(text, "--tip-radius")
+
+
+def _tool(text: str) -> FloatArray:
+    import numpy as np
+
+    lengths = io.readings.parse_lengths(text, "--tool")
+    if len(lengths) != 3 or not (np.asarray(lengths) > 0).all():
+        raise InputError(
+            f"--tool: expected stylus, radius and length of the tool, got '{text}'. Write them as 50,30,150mm."
+        )
+    return np.asarray(lengths)
+
+
+def _check(text: str) -> float | str:
+    if text in ("hand", "off"):
+        return text
+    try:
+        return io.readings.parse_length(text, "--check-probe")
+    except InputError:
+        raise InputError(
+            f"--check-probe: expected hand, off or the height of a surface, got '{text}'. Write a height as 12.5mm."
+        ) from None
 
 
 _machine = partial(args.option, rich_help_panel="Machine")
@@ -108,6 +131,25 @@ class MachineOptions:
         _machine("--clearance", "LENGTH", "Radius of free space around the probe, as 10mm, which is the default."),
         typed.Words(partial(typed.length, "--clearance", "10mm")),
     ] = None
+    tool: Annotated[
+        FloatArray | None,
+        _machine(
+            "--tool",
+            "STYLUS,RADIUS,LENGTH",
+            "Length of the stylus, radius and length of the tool, as 50,30,150mm; it stays in the workspace.",
+        ),
+        typed.Words(_tool),
+    ] = None
+    check_probe: Annotated[
+        float | str | None,
+        _machine(
+            "--check-probe",
+            "WAY",
+            "Check of the probe before the first motion: hand (default on a terminal), off, or the height of a surface "
+            "straight below the tip, as 12.5mm.",
+        ),
+        typed.Words(_check),
+    ] = None
     dry_run: Annotated[bool, _machine("--dry-run", None, "Check and show all motions without sending them.")] = False
     confirm: Annotated[bool, _machine("--confirm", None, "Request a confirmation before every motion.")] = False
 
@@ -115,6 +157,10 @@ class MachineOptions:
         if self.tip_radius is None and not self.machine.fake:
             raise MisuseError(
                 "--tip-radius: expected the ball radius of the machine's probe, got none. Add --tip-radius 1.5mm."
+            )
+        if self.tool is None and self.moves and _turns(self.machine):
+            raise MisuseError(
+                "--tool: expected stylus, radius and length of a tool that turns, got none. Add --tool 50,30,150mm."
             )
         if self.workspace is None and self.moves:
             raise MisuseError(
@@ -159,7 +205,7 @@ class MachineOptions:
         """
         from tanteo.planning import probe_of
 
-        stylus: dict[str, Any] = {"stylus_behind": True} if turns else {"stylus": _UP}
+        stylus: dict[str, Any] = {"stylus_along_motion": True} if turns else {"stylus": _UP}
         where: dict[str, Any] = {
             "contact": True, "radius": self.radius, "approach": _DOWN, "cone": 0.5 * 3.141592653589793,
             "standoff": self.standoff, "clearance": self.clearance, "workspace": self._workspace(), **stylus,
@@ -168,9 +214,24 @@ class MachineOptions:
 
     def limits(self) -> MachineLimits:
         """Return the limits of the machine."""
-        from tanteo.machines import MachineLimits
+        from tanteo.machines import MachineLimits, tool_body
 
-        return MachineLimits(self._workspace(), self.radius, self.travel, self.feed, self.max_reach)
+        body = None
+        if self.tool is not None:
+            stylus, radius, length = self.tool
+            body = tool_body(stylus, self.radius, radius, length)
+        return MachineLimits(self._workspace(), self.radius, self.travel, self.feed, self.max_reach, body=body)
+
+    def check_of_probe(self) -> float | str:
+        """Return the check of the probe before the first motion: ``hand``, ``off``, or the height of a surface [m]."""
+        if self.check_probe is not None:
+            return self.check_probe
+        if not self.moves or self.dry_run:
+            return "off"
+        if sys.stdin is not None and sys.stdin.isatty():
+            return "hand"
+        complain("warning", "--check-probe: the probe is not checked, because the input is no terminal. Add hand.")
+        return "off"
 
     def _workspace(self) -> Any:
         from tanteo.hand import Workspace
@@ -196,6 +257,12 @@ class MachineOptions:
                 "Dry run: motions are checked and shown but not sent; each touch is assumed to end as expected.",
                 sys.stderr,
             )
+
+
+def _turns(address: Address) -> bool:
+    from tanteo.machines.address import turns_of
+
+    return turns_of(address)
 
 
 def confirmed(question: str) -> bool:

@@ -147,7 +147,7 @@ def _start(part: Part, options: Options) -> Start:
 
 def _session(start: Start, options: Options, machine: MachineOptions) -> Session:
     """Return a new session, or the session of the record with ``--resume``."""
-    from tanteo.machines import turns_of
+    from tanteo.machines.address import turns_of
     from tanteo.planning import Sensing, Session, Stop
 
     if options.resume and options.record is not None:
@@ -167,12 +167,43 @@ def _session(start: Start, options: Options, machine: MachineOptions) -> Session
 @contextmanager
 def _moved(start: Start, session: Session, options: Options, machine: MachineOptions) -> Iterator[SafeMachine]:
     """Open the machine with its limits, and close it at the end of the context."""
-    from tanteo.machines import SafeMachine, opened
+    from tanteo.machines import Interrupted, SafeMachine, stop_on_signals
+    from tanteo.machines.address import opened
 
     world, place = _fake(start, session, options, machine) if machine.machine.fake else (None, None)
     with opened(machine.machine, world, place) as driver:
         show = (lambda what: print_text(f"     {what}", sys.stderr)) if options.verbose or machine.dry_run else None
-        yield SafeMachine(driver, machine.limits(), machine.confirmation(), machine.dry_run, show)
+        safe = SafeMachine(driver, machine.limits(), machine.confirmation(), machine.dry_run, show)
+        try:
+            with stop_on_signals(safe):
+                _check_probe(safe, machine)
+                yield safe
+        except Interrupted as stop:
+            stored = "" if options.record is None else " The readings so far are stored: continue with --resume."
+            complain("warning", f"{stop}: a stop was sent and the motion cancelled.{_by_hand(safe)}{stored}")
+            sys.exit(128 + stop.number)
+
+
+def _check_probe(safe: SafeMachine, machine: MachineOptions) -> None:
+    """Check the probe before the first motion: by the user's hand, or on a known surface."""
+    way = machine.check_of_probe()
+    if way == "hand":
+        print_text(
+            "Check of the probe: push the stylus with a finger for a second, then release it (--check-probe).",
+            sys.stderr,
+        )
+        safe.check_by_hand()
+        print_text("The probe reports contacts.", sys.stderr)
+    elif not isinstance(way, str):
+        safe.check_on_surface(way + machine.radius)
+
+
+def _by_hand(safe: SafeMachine) -> str:
+    """Return the advice after a stop during a touch: a probe does not retract after a stop."""
+    if safe.away is None:
+        return ""
+    x, y, z = safe.away
+    return f" The tip may touch the part: move it by hand along ({x:.3f}, {y:.3f}, {z:.3f}), away from the part."
 
 
 def _fake(start: Start, session: Session, options: Options, machine: MachineOptions) -> tuple[Any, Any]:
@@ -205,7 +236,7 @@ def _run(session: Session, safe: SafeMachine, options: Options, draw: Callable[[
     if done.resumed:
         print_text(f"{done.resumed} stored readings of an earlier run were added to the session.", sys.stderr)
     if done.stopped:
-        complain("warning", f"{done.stopped} The readings so far are stored: continue with --resume.")
+        complain("warning", f"{done.stopped}{_by_hand(safe)} The readings so far are stored: continue with --resume.")
     return done
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from tanteo import _core
 from tanteo.errors import InputError
 from tanteo.factors.pose_factor import PoseFactor
-from tanteo.geometry.covariances import check_covariance
+from tanteo.geometry import check_covariance
 from tanteo.geometry.typing import Covariances, Vectors
 from tanteo.parts import Part, round_features
 

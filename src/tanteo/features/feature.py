@@ -10,7 +10,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.features.kinds import FeatureKind
-from tanteo.geometry.covariances import check_covariance, frozen_array
+from tanteo.geometry import check_covariance, frozen_array
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 
 

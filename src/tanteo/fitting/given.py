@@ -11,8 +11,7 @@ import numpy.typing as npt
 from tanteo.errors import InputError
 from tanteo.features import Feature, Round, SharedTerm
 from tanteo.features.kinds import FeatureKind
-from tanteo.geometry import SE3, SO3
-from tanteo.geometry.covariances import check_covariance
+from tanteo.geometry import SE3, SO3, check_covariance
 from tanteo.geometry.typing import FloatArray, Vectors
 
 _UNKNOWN_AXIS = float(np.pi)

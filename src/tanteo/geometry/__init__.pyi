@@ -1,4 +1,3 @@
-from . import covariances as covariances
 from . import limits as limits
 from . import location as location
 from . import location_jacobians as location_jacobians
@@ -7,6 +6,10 @@ from . import propagation as propagation
 from . import se3, so3
 from . import special as special
 from . import typing as typing
+from .covariances import check_covariance as check_covariance
+from .covariances import check_covariances as check_covariances
+from .covariances import freeze as freeze
+from .covariances import frozen_array as frozen_array
 from .fusion import fuse as fuse
 from .levenberg_marquardt import maximize as maximize
 from .named import ROS as ROS

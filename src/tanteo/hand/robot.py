@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.geometry.covariances import frozen_array
+from tanteo.geometry import frozen_array
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Tangents, Transforms, Vectors
 from tanteo.sensors import Rig
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.geometry import SE3
-from tanteo.geometry.covariances import frozen_array
+from tanteo.geometry import SE3, frozen_array
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms, Vectors
 from tanteo.hand.robot import Body
 
@@ -81,7 +80,7 @@ class ForbiddenBox:
         along = np.where(np.abs(there - here) < _STILL, _STILL, there - here)
         at = (self.low - margin - here) / along, (self.high + margin - here) / along  # fractions of the segment
         enters, leaves = np.minimum(*at).max(axis=-1), np.maximum(*at).min(axis=-1)
-        return np.asarray((enters < leaves) & (enters < 1) & (leaves > 0))
+        return np.asarray(~((enters >= leaves) | (enters >= 1) | (leaves <= 0)))  # also if an end is not a number
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,7 +17,7 @@ _TICK = 0.002
 """Time between two updates of a position during a motion [s]."""
 
 Ended = Literal["arrived", "contact", "held", "stopped"]
-"""Reason for which a motion ended: at its goal; at a contact; by a feed hold; by an emergency stop."""
+"""Reason for which a motion ended: at its goal; at a contact; cancelled; by an emergency stop."""
 
 
 @dataclass(eq=False)
@@ -30,7 +30,9 @@ class Tip:
         speedup: factor on the commanded speed; infinite for motions that take no time.
         travelled: positions at which the motions ended, in order.
         moving: whether a motion is under way.
-        hold: event of a feed hold, which ends the motion.
+        hold: event of a feed hold, which pauses the motion until it is cleared.
+        pressed: event of a hand that triggers the probe.
+        cancel: event that cancels the motion, also a paused one.
         emergency: event of an emergency stop, which ends the motion.
     """
 
@@ -40,7 +42,14 @@ class Tip:
     travelled: list[Vectors] = field(default_factory=list)
     moving: bool = False
     hold: threading.Event = field(default_factory=threading.Event)
+    cancel: threading.Event = field(default_factory=threading.Event)
+    pressed: threading.Event = field(default_factory=threading.Event)
     emergency: threading.Event = field(default_factory=threading.Event)
+
+    @property
+    def tripped(self) -> bool:
+        """Whether the probe is triggered, by the body or by a hand."""
+        return self.pressed.is_set() or self.world.tripped(self.place)
 
     def go(
         self, goal: Vectors, speed: float, *, until_contact: bool, half_way: Callable[[], None] | None = None
@@ -71,13 +80,18 @@ class Tip:
     def _run(
         self, start: Vectors, goal: Vectors, length: float, ends: float, speed: float, half: Callable[[], None] | None
     ) -> Ended:
-        gone, begun = 0.0, time.monotonic()
+        gone, before = 0.0, time.monotonic()
         while gone < ends:
-            if self.emergency.is_set() or self.hold.is_set():
+            if self.emergency.is_set() or self.cancel.is_set():
                 return "stopped" if self.emergency.is_set() else "held"
+            if self.hold.is_set():
+                time.sleep(_TICK)
+                before = time.monotonic()
+                continue
             if np.isfinite(self.speedup):
                 time.sleep(_TICK)
-                gone = min(ends, (time.monotonic() - begun) * speed * self.speedup)
+                now = time.monotonic()
+                gone, before = min(ends, gone + (now - before) * speed * self.speedup), now
             else:
                 gone = ends if gone or half is None else 0.5 * ends
             self.place = goal if gone >= length else start + (gone / length) * (goal - start)

@@ -30,10 +30,10 @@ class DirectMachine:
     def status(self) -> MachineStatus:
         """Return the current status."""
         state: MachineState = "stopped" if self._stopped else "moving" if self.tip.moving else "idle"
-        return MachineStatus(state, self.tip.place, self.tip.world.tripped(self.tip.place), 0.0, state)
+        return MachineStatus(state, self.tip.place, self.tip.tripped, 0.0, state)
 
     def move(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
-        """Move straight to a pose; see :class:`~tanteo.machines.Machine`.
+        """Move straight to a pose; see :class:`~tanteo.machines.protocol.Machine`.
 
         Args:
             T_world_probe: pose at the end ``(4, 4)`` [m].
@@ -58,7 +58,7 @@ class DirectMachine:
         self._go(T_world_probe[:3, 3], speed, until_contact=False)
 
     def sense(self, direction: Vectors, reach: float, speed: float, seconds: float) -> Sensed:
-        """Move along a direction until contact; see :class:`~tanteo.machines.Machine`.
+        """Move along a direction until contact; see :class:`~tanteo.machines.protocol.Machine`.
 
         Args:
             direction: unit direction ``(3,)``.
@@ -89,8 +89,11 @@ class DirectMachine:
         self.frames.append(text)
 
     def close(self) -> None:
-        """Stop permanently; there is nothing to disconnect."""
+        """Stop permanently, and wait until the tip rests; there is nothing to disconnect."""
         self.abort()
+        end = time.monotonic() + 1.0
+        while self.tip.moving and time.monotonic() < end:
+            time.sleep(0.002)
 
     def _check(self) -> None:
         if self._stopped:
@@ -98,7 +101,7 @@ class DirectMachine:
 
     def _go(self, goal: Vectors, speed: float, *, until_contact: bool) -> Ended:
         self._check()
-        if until_contact and self.tip.world.tripped(self.tip.place):
+        if until_contact and self.tip.tripped:
             raise ContactError("simulated tip: expected a free probe, got one in contact. Move it back first.")
         ended = self.tip.go(goal, speed, until_contact=until_contact)
         if ended == "stopped":

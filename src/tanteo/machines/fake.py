@@ -59,24 +59,28 @@ class Fake(ABC):
             self._drop()
             return "unreported", start
         self._silent = self._silent or n == faults.silent
-        if guarded and self.tip.world.tripped(start):
+        stops = guarded and not 0 < faults.never <= n
+        if guarded and self.tip.tripped:
             return "tripped", start
         if guarded and n == faults.stuck:
             self.tip.go(0.5 * (start + goal), speed, until_contact=False)
             return "pushed", self.tip.place
         half = self.press_stop if n == faults.stop_at else None
-        ended = self.tip.go(goal, speed, until_contact=guarded, half_way=half)
+        ended = self.tip.go(goal, speed, until_contact=stops, half_way=half)
         return self._reported(ended, start, goal)
 
     def _reported(self, ended: Ended, start: Vectors, goal: Vectors) -> tuple[Outcome, Vectors]:
-        here = self.tip.place
+        here, faults = self.tip.place, self.faults
         if ended in ("held", "stopped"):
             return "unreported", here
-        if self.motions == self.faults.late:
-            time.sleep(self.faults.seconds)
-        if self.motions == self.faults.drop_after:
+        if self.motions == faults.late:
+            time.sleep(faults.seconds)
+        if self.motions == faults.drop_after:
             self._drop()
             return "unreported", here
-        if ended == "arrived":
+        if ended == "arrived" or self.motions == faults.missed:
             return "arrived", here
-        return "contact", here + self.tip.world.noise(start, goal) * (goal - start) / np.linalg.norm(goal - start)
+        along = (goal - start) / np.linalg.norm(goal - start)
+        beside = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+        shift = faults.shift * ((self.motions == faults.beside) * beside - (self.motions == faults.along) * along)
+        return "contact", here + self.tip.world.noise(start, goal) * along + shift

@@ -20,6 +20,11 @@ class Faults:
         stuck: motion that pushes against an obstacle half way without a trip of the probe, for robots with a force
             sensor.
         silent: first motion from which on the controller sends nothing, although the connection stays open.
+        beside: motion whose contact is reported ``shift`` beside the line.
+        along: motion whose contact is reported ``shift`` before its place.
+        missed: motion whose contact ends it, but is reported as none.
+        never: first motion from which on the probe does not trigger.
+        shift: error of a reported contact [m].
     """
 
     drop_before: int = 0
@@ -29,3 +34,8 @@ class Faults:
     stop_at: int = 0
     stuck: int = 0
     silent: int = 0
+    beside: int = 0
+    along: int = 0
+    missed: int = 0
+    never: int = 0
+    shift: float = 5e-4

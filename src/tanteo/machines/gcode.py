@@ -11,8 +11,15 @@ import numpy as np
 from tanteo.geometry import SO3
 from tanteo.geometry.typing import Vectors
 
+MODES = "G21 G90 G94 G54"
+"""Modes that every line with a motion sets: millimetres, absolute coordinates, feed a minute, work frame."""
 _WORD = re.compile(r"([A-Z])\s*([-+]?\d*\.?\d+)")
-_MOTIONS = ("0", "1", "38.2", "38.3")
+_MOTIONS = ("0", "1", "2", "3", "38.2", "38.3", "38.4", "38.5", "80")
+_GROUPS = (
+    _MOTIONS, ("20", "21"), ("90", "91"), ("93", "94"), ("54", "55", "56", "57", "58", "59"), ("4", "10", "53", "92"),
+    ("17", "18", "19"), ("43.1", "49"), ("40",),
+)  # fmt: skip
+"""Modal groups of the codes; a block has at most one code of each."""
 
 
 def place_words(place: Vectors) -> str:
@@ -46,6 +53,16 @@ class Block:
     words: Mapping[str, float]
 
     @property
+    def conflicts(self) -> bool:
+        """Whether the block has two codes of one modal group."""
+        return any(sum(code in group for code in self.codes) > 1 for group in _GROUPS)
+
+    @property
+    def of_machine(self) -> bool:
+        """Whether the coordinates of the block are those of the machine (``G53``)."""
+        return "53" in self.codes
+
+    @property
     def sets(self) -> bool:
         """Whether the block sets an offset."""
         return "10" in self.codes
@@ -67,6 +84,7 @@ class Modal:
         absolute: whether coordinates are absolute (``G90``).
         unit: metres per unit of length [m].
         feed: feed rate [m/s].
+        per_minute: whether the feed is a length a minute (``G94``); otherwise it is the inverse of a time (``G93``).
         motion: number of the last motion code: ``0``, ``1``, ``38.2`` or ``38.3``.
     """
 
@@ -76,7 +94,12 @@ class Modal:
     absolute: bool = True
     unit: float = 1e-3
     feed: float = 0.0
+    per_minute: bool = True
     motion: str = "0"
+
+    def reset(self) -> None:
+        """Set the modes that an interpreter has after a reset; offsets remain."""
+        self.active, self.absolute, self.unit, self.per_minute, self.motion = 1, True, 1e-3, True, "0"
 
     @property
     def offset(self) -> Vectors:
@@ -113,6 +136,9 @@ class Modal:
             block: block with a motion.
             place: current position in machine coordinates ``(3,)`` [m].
         """
+        if block.of_machine:
+            words = [block.words.get(axis, v / self.unit) for axis, v in zip("XYZ", place, strict=True)]
+            return self.unit * np.array(words)
         here = self.program(place)
         goal = here.copy() if self.absolute else np.zeros(3)
         for k, axis in enumerate("XYZ"):
@@ -152,5 +178,7 @@ class Modal:
             self.unit = 25.4e-3 if code == "20" else 1e-3
         elif code in ("90", "91"):
             self.absolute = code == "90"
+        elif code in ("93", "94"):
+            self.per_minute = code == "94"
         elif code in ("54", "55", "56", "57", "58", "59"):
             self.active = int(code) - 53

@@ -13,16 +13,15 @@ import numpy as np
 
 from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.machines import offsets
-from tanteo.machines.gcode import feed_word, place_words
+from tanteo.machines.gcode import MODES, feed_word, place_words
 from tanteo.machines.latch import Latch
+from tanteo.machines.limits import MachineLimits
 from tanteo.machines.link import Link
 from tanteo.machines.offsets import WorkFrame
-from tanteo.machines.protocol import Facts, MachineError, MachineStatus, Sensed, place_of
+from tanteo.machines.protocol import Facts, MachineStatus, Sensed, in_mm, place_of
 
 UNITS = {"MM": 1e-3, "INCH": 25.4e-3, "CM": 1e-2}
 """Metres per unit of the positions that controllers report [m]."""
-_BRAKE = 0.4
-"""Time from a stop to the end of the connection [s]."""
 _STILL = 1e-6
 """Length below which a motion is not sent [m]; GRBL reports it as an error."""
 
@@ -30,14 +29,18 @@ _STILL = 1e-6
 class GcodeMachine(ABC):
     """Driver of a controller with a touch probe that supports ``G38.3`` and ``G1``.
 
+    Every line with a motion sets all modes that it needs. Before it is sent, the controller reports its state, its
+    modes and its offsets, which must be those that this driver has set. Otherwise the driver sends nothing more.
+
     Attributes:
         facts: constant properties of the machine.
     """
 
-    def __init__(self, link: Link, name: str, controller: str) -> None:
+    def __init__(self, link: Link, name: str, controller: str, modes: str = MODES) -> None:
         self._link, self._unit = link, UNITS["MM"]
-        self._frame = WorkFrame()
-        self._latch = Latch(name, "Clear it there", self.abort)
+        self._frame, self._modes = WorkFrame(), modes
+        self._latch, self._moving = Latch(name, "Clear it there", self.abort), False
+        self._rest: Vectors | None = None
         self.facts = Facts(name, controller)
 
     @abstractmethod
@@ -56,7 +59,7 @@ class GcodeMachine(ABC):
             ContactError: the probe touched something, or was in contact at the start.
             StoppedError: the machine has stopped.
         """
-        if self._probe(T_world_probe[:3, 3], speed, seconds) is not None:
+        if self._probe(T_world_probe[:3, 3], speed, seconds)[0]:
             raise self._latch.contact_error(place_of(self))
 
     def back(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
@@ -68,8 +71,9 @@ class GcodeMachine(ABC):
             seconds: largest duration [s].
         """
         deadline = time.monotonic() + seconds
-        self._command(f"G1 {self._way(T_world_probe[:3, 3], speed)}", deadline)
-        self._wait_until_rest(deadline)
+        self._ready_to_move(deadline)
+        # G53: machine coordinates, which no offset moves
+        self._go(f"{self._modes} G53 G1 {place_words(T_world_probe[:3, 3])} {feed_word(speed)}", deadline)
 
     def sense(self, direction: Vectors, reach: float, speed: float, seconds: float) -> Sensed:
         """Move along a direction until contact, by ``G38.3``.
@@ -81,9 +85,9 @@ class GcodeMachine(ABC):
             seconds: largest duration [s].
         """
         begun, start = time.monotonic(), place_of(self)
-        contact = self._probe(start + reach * direction, speed, seconds)
-        distance = np.inf if contact is None else float((contact - start) @ direction)
-        return Sensed(start, direction, distance, reach, time.monotonic() - begun)
+        hit, reported = self._probe(start + reach * direction, speed, seconds)
+        distance = float((reported - start) @ direction) if hit else np.inf
+        return Sensed(start, direction, distance, reach, time.monotonic() - begun, reported)
 
     def abort(self) -> None:
         """Stop permanently; callable from any thread, never waits, never raises."""
@@ -108,10 +112,10 @@ class GcodeMachine(ABC):
             offsets.check(self.facts.name, slot, values, there[slot])
 
     def close(self) -> None:
-        """Stop a running motion, and disconnect; never raises."""
-        if self.status().state == "moving":
+        """Stop a running motion, wait until its stop is complete, and disconnect; never raises."""
+        if self._moving or self.status().state == "moving":
             self.abort()
-            time.sleep(_BRAKE)
+        self._finish_stop()
         self._hang_up()
         self._link.close()
 
@@ -119,24 +123,35 @@ class GcodeMachine(ABC):
         """Set the controller up, or disconnect if that fails."""
         try:
             self._begin(deadline)
-        except MachineError:
+        except BaseException:
             self.close()
             raise
 
-    def _probe(self, goal: Vectors, speed: float, seconds: float) -> Vectors | None:
-        """Run a probe cycle; return the position of the contact ``(3,)`` [m], or None without contact."""
+    def _probe(self, goal: Vectors, speed: float, seconds: float) -> tuple[bool, Vectors]:
+        """Run a probe cycle; return whether there was a contact, and where the cycle ended ``(3,)`` [m]."""
         deadline = time.monotonic() + seconds
-        self._latch.check()
+        self._ready_to_move(deadline)
         if np.linalg.norm(goal - place_of(self)) < _STILL:
-            return None
-        if self.status().tripped:
+            return False, goal
+        if self.status().tripped is not False:
             raise self._latch.in_contact()
-        rows = self._command(f"G38.3 {self._way(goal, speed)}", deadline)
-        self._wait_until_rest(deadline)
+        rows = self._go(f"{self._modes} G38.3 {place_words(self._frame.program(goal))} {feed_word(speed)}", deadline)
         return self._contact(rows, deadline)
 
-    def _way(self, goal: Vectors, speed: float) -> str:
-        return f"{place_words(self._frame.program(goal))} {feed_word(speed)}"
+    def _go(self, line: str, deadline: float) -> Sequence[str]:
+        """Send one line with a motion, and wait until it has ended; return the rows before its acknowledgement."""
+        self._moving, self._rest = True, None
+        rows = self._command(line, deadline)
+        self._wait_until_rest(deadline)
+        self._moving, self._rest = False, place_of(self)
+        return rows
+
+    def _ready_to_move(self, deadline: float) -> None:
+        """Check the controller, and that the tip is where the last motion ended."""
+        self._verify(deadline)
+        here = place_of(self)
+        if self._rest is not None and not np.linalg.norm(here - self._rest) <= MachineLimits().arrival:
+            raise self._latch.changed(f"the position {in_mm(here)} in place of {in_mm(self._rest)}")
 
     def _wait_until_rest(self, deadline: float) -> None:
         """Wait until the controller reports that it is at rest."""
@@ -149,6 +164,14 @@ class GcodeMachine(ABC):
         """Check that the controller is ready; set millimetres, absolute coordinates and ``G54``, and read its frame."""
 
     @abstractmethod
+    def _verify(self, deadline: float) -> None:
+        """Check that the controller is ready, and that its modes and offsets are those that this driver has set.
+
+        Raises:
+            StoppedError: the state is another one; no motion was sent.
+        """
+
+    @abstractmethod
     def _command(self, line: str, deadline: float) -> Sequence[str]:
         """Send one line to the interpreter; return the rows that arrive before the acknowledgement."""
 
@@ -157,8 +180,8 @@ class GcodeMachine(ABC):
         """Return whether all motions have ended, from a status requested now."""
 
     @abstractmethod
-    def _contact(self, rows: Sequence[str], deadline: float) -> Vectors | None:
-        """Return the contact of a probe cycle from its rows ``(3,)``, machine coordinates [m]; None without contact."""
+    def _contact(self, rows: Sequence[str], deadline: float) -> tuple[bool, Vectors]:
+        """Return whether a probe cycle made contact, and where it ended ``(3,)``, machine coordinates [m]."""
 
     @abstractmethod
     def _read_frames(self, slots: Iterable[str], deadline: float) -> Mapping[str, Vectors]:
@@ -167,6 +190,10 @@ class GcodeMachine(ABC):
     @abstractmethod
     def _halt(self) -> None:
         """Command a stop; never waits, never raises."""
+
+    @abstractmethod
+    def _finish_stop(self) -> None:
+        """Wait, for a bounded time, until a stop that was commanded is complete; never raises."""
 
     @abstractmethod
     def _hang_up(self) -> None:

@@ -1,7 +1,9 @@
 """Fake a GRBL 1.1 controller on a TCP port of loopback, or on a pseudo-terminal.
 
-Sources: those of the driver (``grbl/grbl``, ``doc/markdown/interface.md``, ``commands.md``). Real-time characters are
-taken out of the stream, ``G38.2`` and ``G38.3`` answer after the motion, and an alarm locks all but ``$`` commands.
+Sources: those of the driver (gnea/grbl: ``doc/markdown/interface.md``, ``commands.md``, ``grbl/motion_control.c``,
+``grbl/protocol.c``, ``grbl/report.c``). Real-time characters are taken out of the stream, ``G38.2`` and ``G38.3``
+answer after the motion, a feed hold pauses a motion until ``~`` or a reset, a reset restores the default modes, and an
+alarm locks all but ``$`` commands.
 """
 
 from __future__ import annotations
@@ -24,6 +26,8 @@ from tanteo.machines.world import World
 
 _RAPID = 0.1
 """Speed of ``G0`` [m/s]."""
+_WITH_OFFSET = 10
+"""Number of status reports of which one has the offsets (``WCO``): ``REPORT_WCO_REFRESH_IDLE_COUNT`` of GRBL."""
 
 
 class GrblFake(Fake):
@@ -45,7 +49,7 @@ class GrblFake(Fake):
         self._send: Callable[[bytes], None] = _no_client
         self._hang_up: Callable[[], None] = _no_client
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        self._closed = False
+        self._closed, self._reports, self._probed, self._check_mode = False, 0, "0.000,0.000,0.000:0", False
         self._server = Server(self._serve, port)
         self.ports = (self._server.port,)
 
@@ -126,7 +130,11 @@ class GrblFake(Fake):
         moving = self.tip.moving and not self.tip.hold.is_set()
         while not self._lines.empty():
             self._lines.get_nowait()
-        self.tip.hold.set()  # ends a running motion
+        if self.tip.moving:
+            self.tip.cancel.set()
+        self.tip.hold.clear()
+        self.modal.reset()
+        self._check_mode = False
         if moving:
             self._alarm = "3"
             self._send_rows("ALARM:3")
@@ -141,14 +149,16 @@ class GrblFake(Fake):
             self._send("".join(f"{row}\r\n" for row in rows).encode())
 
     def _status(self) -> str:
-        holds = self.tip.hold.is_set() and (self.tip.moving or not self._lines.empty())
-        state = "Alarm" if self._alarm else "Hold:0" if holds else "Idle"
+        state = "Alarm" if self._alarm else "Hold:0" if self.tip.hold.is_set() else "Idle"
         state = "Run" if self.tip.moving and not self.tip.hold.is_set() else state
+        state = "Check" if self._check_mode else state
+        self._reports += 1
         where = f"MPos:{self._shown(self.tip.place)}"
         if self._work_positions:
             where = f"WPos:{self._shown(self.tip.place - self.modal.offset)}"
-        tripped = "|Pn:P" if self.tip.world.tripped(self.tip.place) else ""
-        wco = f"|WCO:{self._shown(self.modal.offset)}" if self._work_positions else ""
+        tripped = "|Pn:P" if self.tip.tripped else ""
+        has_offset = self._work_positions or self._reports % _WITH_OFFSET == 1
+        wco = f"|WCO:{self._shown(self.modal.offset)}" if has_offset else ""
         return f"<{state}|{where}|FS:0,0{tripped}{wco}>"
 
     def _shown(self, place: Vectors) -> str:
@@ -172,7 +182,9 @@ class GrblFake(Fake):
         except ValueError:
             self._send_rows("error:2")
             return
-        if block.sets and "R" in block.words:
+        if block.conflicts or (block.of_machine and self.modal.motion not in ("0", "1")):
+            self._send_rows("error:21" if block.conflicts else "error:30")
+        elif block.sets and "R" in block.words:
             self._send_rows("error:20")
         elif block.sets:
             self.modal.set_offset(block)
@@ -187,10 +199,13 @@ class GrblFake(Fake):
 
     def _move(self, goal: Vectors) -> None:
         guarded = self.modal.motion.startswith("38")
+        if self._check_mode:
+            self._send_rows("ok")
+            return
         if guarded and float(np.linalg.norm(goal - self.tip.place)) < 5e-7:
             self._send_rows("error:33")
             return
-        self.tip.hold.clear()
+        self.tip.cancel.clear()
         speed = _RAPID if self.modal.motion == "0" else self.modal.feed
         outcome, place = self._motion(goal, speed, guarded=guarded)
         if outcome == "tripped":
@@ -200,7 +215,8 @@ class GrblFake(Fake):
 
     def _ended(self, hit: bool, place: Vectors, *, guarded: bool) -> None:
         if guarded:
-            self._send_rows(f"[PRB:{self._shown(place)}:{int(hit)}]")
+            self._probed = f"{self._shown(place)}:{int(hit)}"
+            self._send_rows(f"[PRB:{self._probed}]")
         if not hit and guarded and self.modal.motion == "38.2":
             self._fail("5")
         else:
@@ -211,19 +227,35 @@ class GrblFake(Fake):
         self._send_rows(f"ALARM:{alarm}", "[MSG:Reset to continue]")
 
     def _dollar(self, line: str) -> None:
-        if line == "$I":
+        if line in ("$$", "$#") and self.tip.hold.is_set():
+            self._send_rows("error:8")
+        elif line == "$I":
             self._send_rows("[VER:1.1h.20190825:]", "[OPT:V,15,128]", "ok")
         elif line == "$$":
-            self._send_rows("$10=1", f"$13={int(self._inches)}", "$20=0", "$22=0", "$110=6000.000", "ok")
+            axes = [f"$12{k}={value}" for k, value in enumerate(("500.000", "500.000", "250.000"))]
+            self._send_rows("$10=1", f"$13={int(self._inches)}", "$20=0", "$22=0", "$110=6000.000", *axes, "ok")
+        elif line == "$G":
+            self._send_rows(f"[GC:{self._modes()}]", "ok")
+        elif line == "$C":
+            self._check_mode = not self._check_mode
+            self._send_rows("[MSG:Enabled]", "ok") if self._check_mode else self._reset()
         elif line == "$#":
             rows = [f"[G{53 + n}:{self._shown(self.modal.offsets.get(n, np.zeros(3)))}]" for n in range(1, 7)]
-            self._send_rows(*rows, f"[G92:{self._shown(np.zeros(3))}]", "[TLO:0.000]", "ok")
+            zero = self._shown(np.zeros(3))
+            more = f"[G28:{zero}]", f"[G30:{zero}]", f"[G92:{zero}]", "[TLO:0.000]", f"[PRB:{self._probed}]"
+            self._send_rows(*rows, *more, "ok")
         elif line == "$X":
             self._alarm = ""
             self.tip.emergency.clear()
             self._send_rows("[MSG:Caution: Unlocked]", "ok")
         else:
             self._send_rows("error:3")
+
+    def _modes(self) -> str:
+        modal = self.modal
+        unit, distance = "G21" if modal.unit == 1e-3 else "G20", "G90" if modal.absolute else "G91"
+        feed = "G94" if modal.per_minute else "G93"
+        return f"G{modal.motion} G{53 + modal.active} G17 {unit} {distance} {feed} M5 M9 T0 F{60e3 * modal.feed:.0f} S0"
 
 
 def _no_client(*_: bytes) -> None:

@@ -111,7 +111,7 @@ def take_up_rows(session: Session, rows: Sequence[tuple[int, Sensed]]) -> int:
         session: session, restored from its record.
         rows: stored readings, each with the number of its question.
     """
-    question, before = session.asked, {s.action.number for s in session.steps if s.action is not None}
+    question, before = session.pending, {s.action.number for s in session.steps if s.action is not None}
     count = 0
     for number, sensed in rows:
         if number in before or question is None or number != question.number:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from tanteo.geometry.typing import Vectors
 from tanteo.machines.link import Link
-from tanteo.machines.protocol import ContactError, LateError, LinkLostError, MachineState, StoppedError, in_mm
+from tanteo.machines.protocol import ContactError, LateError, LinkLostError, MachineState, StoppedError, in_mm, quoted
 
 
 class Latch:
@@ -75,7 +75,7 @@ class Latch:
         Raises:
             LateError: the deadline has passed.
         """
-        if time.monotonic() > deadline:
+        if not time.monotonic() <= deadline:  # also if the deadline is not a number
             self._abort()
             raise LateError(
                 f"{self.name}: expected {what} in time, got none. A stop was sent: check the machine before you go on."
@@ -89,6 +89,32 @@ class Latch:
         """
         self._abort()
         return StoppedError(f"{self.name}: expected its command to be carried out, got {got}. A stop was sent.")
+
+    def bent(self, reply: str, expected: str) -> StoppedError:
+        """Stop the machine, and return the error of a reply that cannot be read.
+
+        Args:
+            reply: reply as received.
+            expected: expected reply, for the message.
+        """
+        self.stop(f"it replied {quoted(reply)} where {expected} was expected")
+        self._abort()
+        return StoppedError(
+            f"{self.name}: expected {expected}, got {quoted(reply)}. A stop was sent: check the controller and its "
+            "cable."
+        )
+
+    def changed(self, what: str) -> StoppedError:
+        """Forbid further motions, and return the error of a change that another sender has made.
+
+        Args:
+            what: change, for the message.
+        """
+        self.stop(f"another sender changed its state: {what}")
+        return StoppedError(
+            f"{self.name}: expected the state that this program has set, got {what}. No motion was sent: find the "
+            "other sender, and start again."
+        )
 
     def send(self, link: Link, data: bytes) -> None:
         """Send bytes; a failure is latched as a lost connection and not raised.

@@ -54,7 +54,7 @@ class TcpLink:
 
     def __init__(self, host: str, port: int, seconds: float = 3.0) -> None:
         self.name = f"{host}:{port}"
-        self._writing = threading.Lock()
+        self._writing = threading.RLock()  # a signal handler may send a stop during a write
         try:
             self._socket = socket.create_connection((host, port), timeout=seconds)
         except OSError as error:

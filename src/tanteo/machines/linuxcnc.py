@@ -2,31 +2,46 @@
 
 No request returns parameters, but ``GET OPERATOR_DISPLAY`` returns the message of ``(debug, #5061)``. The first display
 that requests a message takes it. If another display has taken it, the driver sends the block again. ``G38`` and the
-parameters ``#5061`` to ``#5070`` are defined in ``docs/src/gcode`` of LinuxCNC/linuxcnc.
+parameters ``#5061`` to ``#5070``, ``#5210`` to ``#5230`` and ``#<_metric>`` are defined in ``docs/src/gcode`` of
+LinuxCNC/linuxcnc, and ``Interp::convert_param_comment`` writes them into messages. ``G53`` is valid with ``G0`` and
+``G1`` only.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from tanteo.geometry import SO3
 from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.machines import offsets
+from tanteo.machines.gcode import MODES
 from tanteo.machines.gcode_machine import UNITS, GcodeMachine
 from tanteo.machines.link import Link
 from tanteo.machines.linuxcncrsh import RshClient
 from tanteo.machines.offsets import WorkFrame
-from tanteo.machines.protocol import LinkLostError, MachineState, MachineStatus, StoppedError
+from tanteo.machines.protocol import LinkLostError, MachineState, MachineStatus, StoppedError, place_of, quoted
+from tanteo.machines.replies import numbers_of
 
 CONNECT, ENABLE = "EMC", "EMCTOO"
 """Default passwords of linuxcncrsh."""
 _AGAIN = 0.5
 """Time after which the driver requests a message again [s]."""
-_POLLED = ("ESTOP", "MACHINE", "PROGRAM_STATUS", "PROBE_VALUE", "ABS_ACT_POS")
+_POLLED = ("ESTOP", "MACHINE", "PROGRAM_STATUS", "MODE", "PROBE_VALUE", "ABS_ACT_POS")
 """Names of the values that form a status, the position last."""
+_VALUES = {
+    "ESTOP": ("ON", "OFF"), "MACHINE": ("ON", "OFF"), "PROGRAM_STATUS": ("IDLE", "RUNNING", "PAUSED"),
+    "MODE": ("MANUAL", "AUTO", "MDI"), "PROBE_VALUE": ("0", "1"),
+}  # fmt: skip
+"""Possible answers, by name."""
+_EXPECTED_MODES = {"5220": 1, "<_metric>": 1, "<_absolute>": 1, "<_units_per_minute>": 1, "<_spindle_on>": 0}
+"""Parameters of the modes that the lines of the driver set, and of the spindle, with their values before a motion."""
+_OFFSETS = "5221", "5222", "5223", "5211", "5212", "5213", "5230", "5210"
+"""Parameters of the offset of ``G54``, of ``G92``, of the rotation, and whether ``G92`` is active."""
+_SETTLES = 1.0
+"""Largest time from an abort to its end [s]."""
 _STATES: dict[str, MachineState] = {"RUNNING": "moving", "PAUSED": "held"}
 
 
@@ -44,7 +59,7 @@ class LinuxCncMachine(GcodeMachine):
     """
 
     def __init__(self, link: Link, passwords: tuple[str, str] = (CONNECT, ENABLE), seconds: float = 10.0) -> None:
-        super().__init__(link, "LinuxCNC", "linuxcnc")
+        super().__init__(link, "LinuxCNC", "linuxcnc", f"{MODES} G40 G49")
         self._passwords, self._number = passwords, 0
         self._rsh = RshClient(link, self._latch, _POLLED, self._heard)
         self._open(time.monotonic() + seconds)
@@ -55,12 +70,24 @@ class LinuxCncMachine(GcodeMachine):
         if place is None:
             return MachineStatus(self._latch.state("idle"))
         state = "stopped" if self._unsafe() else _STATES.get(self._rsh.value("PROGRAM_STATUS"), "idle")
-        tripped, age = self._rsh.value("PROBE_VALUE") == "1", self._rsh.age(_POLLED[-1])
+        tripped, age = self._rsh.value("PROBE_VALUE") != "0", self._rsh.age(_POLLED[-1])
         return MachineStatus(self._latch.state(state), place, tripped, age, words)
 
     def _halt(self) -> None:
         """Send ``SET ABORT``."""
         self._rsh.send("set abort")
+
+    def _finish_stop(self) -> None:
+        """Wait until an aborted motion has ended."""
+        if not self._latch.stopped:
+            return
+        end = time.monotonic() + _SETTLES
+        while self._latch.lost is None and time.monotonic() < end:
+            before = self._rsh.age("PROGRAM_STATUS")
+            self._rsh.send("get program_status")
+            time.sleep(0.02)
+            if self._rsh.age("PROGRAM_STATUS") < before and self._rsh.value("PROGRAM_STATUS") == "IDLE":
+                return
 
     def _hang_up(self) -> None:
         self._rsh.close()
@@ -69,20 +96,29 @@ class LinuxCncMachine(GcodeMachine):
     def _place(self) -> Vectors | None:
         """Last reported position ``(3,)`` [m]; None before the first report, or if the report has no numbers."""
         try:
-            return self._unit * _numbers(self._rsh.value("ABS_ACT_POS"))
+            return self._unit * numbers_of(self._rsh.value("ABS_ACT_POS").split(), "", "")[:3]
         except ValueError:
             return None
 
-    def _heard(self, name: str) -> None:
-        """Latch an emergency stop or a machine that is off; the reader thread calls this for each answer."""
-        if name in ("ESTOP", "MACHINE") and (why := self._unsafe()):
+    def _heard(self, name: str, answer: str) -> None:
+        """Take one answer in the reader thread; latch an emergency stop or a machine that is off.
+
+        Raises:
+            ValueError: the answer has another form; it has the expected and the received answer.
+        """
+        row = f"{name} {answer}"
+        if name == "ABS_ACT_POS":
+            numbers_of(answer.split(), "a position such as ABS_ACT_POS 0.000000 0.000000 0.000000", row)
+        elif name in _VALUES and answer not in _VALUES[name]:
+            raise ValueError(f"{name} with one of {', '.join(_VALUES[name])}", row)
+        elif name.startswith("SET ") and answer not in ("ACK", "NAK"):
+            raise ValueError(f"{name} ACK or {name} NAK", row)
+        if why := _reason({name: answer}):
             self._latch.stop(why)
 
     def _unsafe(self) -> str:
         """Return why the machine must not move according to its status; empty if it may."""
-        if self._rsh.value("ESTOP", "OFF") != "OFF":
-            return "an emergency stop"
-        return "" if self._rsh.value("MACHINE", "ON") == "ON" else "it is switched off"
+        return _reason({name: self._rsh.value(name) for name in ("ESTOP", "MACHINE")})
 
     def _begin(self, deadline: float) -> None:
         """Take control; set millimetres, absolute coordinates and ``G54`` without tool length."""
@@ -103,8 +139,8 @@ class LinuxCncMachine(GcodeMachine):
                 f"{self._link.name}: expected a machine in mm, inch or cm, got {unit}. Set it in its INI."
             )
         self._unit = UNITS[unit]
-        self._rsh.fresh(deadline)
         self._rsh.polling = True
+        self._rsh.fresh(deadline)
         if why := self._unsafe():
             raise StoppedError(f"{self._link.name}: expected a machine that is on, got {why}. Clear it there.")
         if (state := self.status().state) != "idle":
@@ -112,30 +148,51 @@ class LinuxCncMachine(GcodeMachine):
         while self._rsh.request("get error", "ERROR", deadline) != "OK":
             self._latch.late(deadline, "an end of old error messages")
         self._set("mode mdi", deadline)
-        self._command("G21 G90 G94 G54 G40 G49 G80", deadline)
+        self._command(f"{self._modes} G80", deadline)
         self._read_frames((), deadline)
+        self._verify(deadline)
+
+    def _verify(self, deadline: float) -> None:
+        """Compare the state, the modes and the offsets of the interpreter with what this driver has set."""
+        self._latch.check()
         self._rsh.fresh(deadline)
+        self._latch.check()
+        for name, ready in (("PROGRAM_STATUS", "IDLE"), ("MODE", "MDI")):
+            if (answer := self._rsh.value(name)) != ready:
+                raise self._latch.changed(f"{name} {answer} in place of {ready}")
+        values = self._parameters(*_EXPECTED_MODES, *_OFFSETS, deadline=deadline)
+        for (name, good), value in zip(_EXPECTED_MODES.items(), values, strict=False):
+            if value != good:
+                raise self._latch.changed(f"#{name} = {value:g} in place of {good}")
+        if what := offsets.changes(self._frame, self._frame_of(values[len(_EXPECTED_MODES) :])):
+            raise self._latch.changed(what)
+        self._rsh.fresh(deadline)
+
+    def _frame_of(self, values: FloatArray) -> WorkFrame:
+        """Return the work frame from the values of its parameters, which are in the machine's unit."""
+        *lengths, turn, shifted = values
+        metres = self._unit * np.array(lengths)
+        return WorkFrame(metres[:3], SO3.axis_rotation(2, np.radians(turn)), metres[3:] * bool(shifted))
 
     def _read_frames(self, slots: Iterable[str], deadline: float) -> dict[str, Vectors]:
         """Read frames from the interpreter's parameters, in the machine's unit, with rotation and ``G92``."""
         self._wait_until_rest(deadline)
-        *values, turn, shifted = self._parameters(5221, 5222, 5223, 5211, 5212, 5213, 5230, 5210, deadline=deadline)
-        lengths = self._unit * np.array(values)
-        rotation = SO3.axis_rotation(2, np.radians(turn))
-        self._frame = WorkFrame(lengths[:3], rotation, lengths[3:] * bool(shifted))
+        self._frame = self._frame_of(self._parameters(*_OFFSETS, deadline=deadline))
         return {slot: self._slot(5201 + 20 * offsets.number_of(slot), deadline) for slot in slots}
 
     def _slot(self, first: int, deadline: float) -> Vectors:
         """Return the frame whose parameters begin at a number, in the form of :func:`offsets.check`."""
-        has = self._parameters(*range(first, first + 3), first + 9, deadline=deadline)
+        has = self._parameters(*map(str, range(first, first + 3)), str(first + 9), deadline=deadline)
         return offsets.padded(1e3 * self._unit * has[:3], has[3])
 
-    def _contact(self, rows: Sequence[str], deadline: float) -> Vectors | None:
-        """Return the contact from the interpreter's parameters, which are in the program's unit."""
-        hit, *place = self._parameters(5070, 5061, 5062, 5063, deadline=deadline)
-        return self._frame.machine(UNITS["MM"] * np.array(place)) if hit else None
+    def _contact(self, rows: Sequence[str], deadline: float) -> tuple[bool, Vectors]:
+        """Return contact and position from the interpreter's parameters, which are in the program's unit."""
+        hit, *place = self._parameters("5070", "5061", "5062", "5063", deadline=deadline)
+        if hit not in (0.0, 1.0):
+            raise self._latch.bent(f"#5070 = {hit:g}", "#5070 = 0 or 1")
+        return bool(hit), self._frame.machine(UNITS["MM"] * np.array(place)) if hit else place_of(self)
 
-    def _parameters(self, *names: int, deadline: float) -> FloatArray:
+    def _parameters(self, *names: str, deadline: float) -> FloatArray:
         """Return parameters of the interpreter, after all earlier blocks have ended."""
         while True:
             self._number += 1
@@ -145,9 +202,16 @@ class LinuxCncMachine(GcodeMachine):
             while time.monotonic() < again:
                 answer = self._rsh.request("get operator_display", "OPERATOR_DISPLAY", deadline)
                 if answer.startswith(mark + " "):
-                    return _numbers(answer[len(mark) :], len(names))
+                    return self._numbers(answer, len(names))
                 time.sleep(0.005)
             self._latch.late(deadline, "the message of a (debug, ...) block: has another display taken it?")
+
+    def _numbers(self, answer: str, count: int) -> FloatArray:
+        """Return the values of parameters in a message."""
+        try:
+            return numbers_of(answer.split()[1:], f"{count} numbers of parameters", answer, count, count)
+        except ValueError as error:
+            raise self._latch.bent(answer, error.args[0]) from None
 
     def _command(self, line: str, deadline: float) -> Sequence[str]:
         """Send one block by MDI."""
@@ -167,13 +231,12 @@ class LinuxCncMachine(GcodeMachine):
         """Wait until the machine is at rest, and check that no error was reported."""
         super()._wait_until_rest(deadline)
         if (error := self._rsh.request("get error", "ERROR", deadline)) != "OK":
-            raise self._latch.failed(f"'{error}'")
+            raise self._latch.failed(quoted(error))
         self._rsh.fresh(deadline)
 
 
-def _numbers(text: str, count: int = 3) -> FloatArray:
-    """Return the first numbers of an answer; raise ValueError if there are fewer."""
-    values = [float(v) for v in text.split()[:count]]
-    if len(values) < count:
-        raise ValueError(text)
-    return np.array(values)
+def _reason(answers: Mapping[str, str]) -> str:
+    """Return why the machine must not move according to some answers; empty if it may."""
+    if answers.get("ESTOP", "OFF") != "OFF":
+        return "an emergency stop"
+    return "" if answers.get("MACHINE", "ON") == "ON" else "it is switched off"

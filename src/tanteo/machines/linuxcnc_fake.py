@@ -89,7 +89,7 @@ class LinuxCncFake(Fake):
         fixed: dict[str, Callable[[], str]] = {
             "ESTOP": lambda: _on(self._estop), "MACHINE": lambda: _on(self._on), "MODE": lambda: self._mode,
             "ENABLE": lambda: _on(client.enabled),
-            "PROBE_VALUE": lambda: str(int(self.tip.world.tripped(self.tip.place))),
+            "PROBE_VALUE": lambda: str(int(self.tip.tripped)),
             "PROGRAM_STATUS": lambda: "RUNNING" if self._running or not self._blocks.empty() else "IDLE",
             "ABS_ACT_POS": lambda: " ".join(f"{v:.6f}" for v in (*(self.tip.place / self._unit + 0.0), 0.0, 0.0, 0.0)),
             "USER_LINEAR_UNITS": lambda: "MM" if self._unit == _MM else "INCH",
@@ -126,7 +126,7 @@ class LinuxCncFake(Fake):
             with suppress(queue.Empty):
                 self._blocks.get_nowait()
         if self._running:
-            self.tip.hold.set()
+            self.tip.cancel.set()
 
     def _interpret(self) -> None:
         while (line := self._blocks.get()) is not None:
@@ -135,7 +135,7 @@ class LinuxCncFake(Fake):
                 self._run(line)
             finally:
                 self._running = False
-                self.tip.hold.clear()
+                self.tip.cancel.clear()
 
     def _run(self, line: str) -> None:
         if line.lower().startswith("(debug,"):
@@ -146,7 +146,11 @@ class LinuxCncFake(Fake):
         except ValueError:
             self._error = f"Bad number format in '{line}'"
             return
-        if block.sets:
+        if block.conflicts:
+            self._error = "Two G codes used from same modal group"
+        elif block.of_machine and self.modal.motion not in ("0", "1"):
+            self._error = "Must use G0 or G1 with G53"
+        elif block.sets:
             self.modal.set_offset(block)
         elif block.moves:
             self._move(self.modal.goal(block, self.tip.place))
@@ -157,10 +161,17 @@ class LinuxCncFake(Fake):
         if self._thief:  # another display takes the message
             self._thief -= 1
             return
-        self._display.append(re.sub(r"#(\d+)", lambda found: f"{self._parameter(found[1]):.6f}", text))
+        self._display.append(re.sub(r"#(\d+|<\w+>)", lambda found: f"{self._parameter(found[1]):.6f}", text))
 
     def _parameter(self, name: str) -> float:
         """Return a parameter of the interpreter: contacts in the program's unit, offsets in the machine's unit."""
+        modal = self.modal
+        named = {
+            "<_metric>": modal.unit == _MM, "<_absolute>": modal.absolute, "<_units_per_minute>": modal.per_minute,
+            "<_spindle_on>": False, "5220": modal.active,
+        }  # fmt: skip
+        if name in named:
+            return float(named[name])
         number = int(name)
         if number == 5070:
             return float(self._probed[3])
@@ -195,4 +206,7 @@ def _on(state: bool) -> str:
 
 
 _MM = 1e-3
-_KNOWN = frozenset({"0", "1", "10", "20", "21", "38.2", "38.3", "40", "49", "54", "80", "90", "91", "94"})
+_KNOWN = frozenset(
+    {"0", "1", "10", "20", "21", "38.2", "38.3", "40", "49", "53", "54", "55", "56", "57", "58", "59", "80", "90", "91"}
+    | {"93", "94"}
+)

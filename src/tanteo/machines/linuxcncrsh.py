@@ -3,19 +3,22 @@
 Sources: ``src/emc/usr_intf/emcrsh.cc`` and ``docs/src/man/man1/linuxcncrsh.1.adoc`` (LinuxCNC/linuxcnc), versions 2.9
 and master. A request is a line. An answer is a name and a value, ended by carriage return and line feed, or by line
 feed and carriage return after ``SET`` in 2.9. A ``SET`` is acknowledged if ``VERBOSE`` is on. Answers arrive in the
-order of the requests.
+order of the requests, one for each.
 """
 
 from __future__ import annotations
 
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 
 from tanteo.machines.latch import Latch
 from tanteo.machines.link import Link
 from tanteo.machines.row_reader import RowReader
 
+_UNCOUNTED = "SET ECHO", "SET ENABLE", "SET VERBOSE"
+"""Answers that a version sends or does not send, before the others are counted."""
 _PERIOD = 0.1
 """Time between two requests of the polled values [s]."""
 
@@ -24,13 +27,16 @@ class RshClient:
     """Connection to linuxcncrsh.
 
     Attributes:
-        polling: whether the reader thread requests the polled values regularly, and calls ``heard`` for each answer.
+        polling: whether the reader thread requests the polled values regularly, calls ``heard`` for each answer, and
+            refuses answers that were not requested. ``heard`` raises ValueError with the expected
+            and the received answer.
     """
 
-    def __init__(self, link: Link, latch: Latch, polled: Sequence[str], heard: Callable[[str], None]) -> None:
+    def __init__(self, link: Link, latch: Latch, polled: Sequence[str], heard: Callable[[str, str], None]) -> None:
         self.polling = False
         self._link, self._latch, self._polled, self._heard = link, latch, tuple(polled), heard
         self._answers: dict[str, tuple[str, float]] = {}
+        self._open, self._counting = Counter[str](), threading.Lock()
         self._busy, self._polled_at = threading.Lock(), 0.0
         self._reader = RowReader(link, latch, self._hear, self._poll)
 
@@ -57,6 +63,9 @@ class RshClient:
         Args:
             text: requests, one in a line.
         """
+        names = [name for name in map(_answer_to, text.splitlines()) if name]
+        with self._counting:
+            self._open.update(names)
         self._latch.send(self._link, text.encode("ascii") + b"\r\n")
 
     def request(self, line: str, name: str, deadline: float) -> str:
@@ -117,6 +126,21 @@ class RshClient:
             of, _, answer = answer.partition(" ")
             name = f"SET {of}"
         if name:
-            self._answers[name.upper()] = (answer.strip(), time.monotonic())
-            if self.polling:
-                self._heard(name.upper())
+            self._take(name.upper(), answer.strip())
+
+    def _take(self, name: str, answer: str) -> None:
+        with self._counting:
+            requested = self._open[name] > 0
+            self._open[name] -= requested
+        if self.polling:
+            if not requested and name not in _UNCOUNTED:
+                raise ValueError("one answer for each request", f"{name} {answer}")
+            self._heard(name, answer)
+        self._answers[name] = (answer, time.monotonic())
+
+
+def _answer_to(request: str) -> str:
+    """Return the name of the answer to a request; empty if it has none, or only in some versions."""
+    word, _, rest = request.upper().partition(" ")
+    name = f"SET {rest.split(' ')[0]}" if word == "SET" else rest if word == "GET" else word
+    return "" if name in (*_UNCOUNTED, "QUIT") else name

@@ -9,11 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.geometry.typing import Vectors
-from tanteo.machines.protocol import MachineError
+from tanteo.machines.protocol import MachineError, in_mm
 
 _SLOTS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
-_NEAR = 2e-3
+NEAR = 2e-3
 """Accepted difference between a set and a reported offset [mm]; GRBL rounds to a micrometre."""
+_TURNED = 1e-6
+"""Accepted difference of the elements of two rotations; LinuxCNC reports degrees with six decimals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,11 +95,25 @@ def check(name: str, slot: str, wanted: dict[str, float], has: Vectors) -> None:
     """
     for letter, value in wanted.items():
         there = float(has["XYZR".index(letter)])
-        if not abs(there - value) <= _NEAR:
+        if not abs(there - value) <= NEAR:
             raise MachineError(
                 f"{name}: expected {slot} to be set to {letter}{value:g}, got {letter}{there:g} when it was read "
                 "back. Check the controller before you use that frame."
             )
+
+
+def changes(before: WorkFrame, now: WorkFrame) -> str:
+    """Return the difference of two frames for messages; empty if they agree within the rounding of controllers.
+
+    Args:
+        before: frame that the driver uses.
+        now: frame that the controller reports.
+    """
+    pairs = ("a work offset", before.offset, now.offset), ("an offset of G92", before.shift, now.shift)
+    for name, was, has in pairs:
+        if not (1e3 * np.abs(has - was) <= NEAR).all():
+            return f"{name} of {in_mm(has)} in place of {in_mm(was)}"
+    return "" if (np.abs(now.turn - before.turn) <= _TURNED).all() else "another rotation of its work frame"
 
 
 def padded(place: Vectors, turn: float = 0.0) -> Vectors:

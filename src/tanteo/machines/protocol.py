@@ -11,7 +11,7 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 
 from tanteo.errors import TanteoError
-from tanteo.geometry.typing import Transforms, Vectors
+from tanteo.geometry.typing import Rotations, Transforms, Vectors
 
 MachineState = Literal["idle", "moving", "held", "stopped", "lost"]
 """At rest and ready; in motion; paused; in alarm, emergency stop or aborted; without connection."""
@@ -51,6 +51,8 @@ class Facts:
         turns: whether the tool can point along any direction; otherwise it points down.
         contact: whether the machine carries a touch probe; otherwise it measures ranges at rest.
         guarded: whether its ``move`` stops at a contact.
+        recorded: whether readings come from a log, so that they need not lie on the commanded line.
+        deceleration: smallest deceleration after a contact [m/s^2]; the default is the default of GRBL's ``$120``.
     """
 
     name: str
@@ -58,6 +60,8 @@ class Facts:
     turns: bool = False
     contact: bool = True
     guarded: bool = True
+    recorded: bool = False
+    deceleration: float = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +74,7 @@ class MachineStatus:
         tripped: whether the probe reports a contact; None if unknown.
         age: age of the controller's last report [s]; infinite before the first report.
         words: state as the controller names it.
+        axes: axes of the tool ``(3, 3)``; None if the machine reports none.
     """
 
     state: MachineState
@@ -77,6 +82,7 @@ class MachineStatus:
     tripped: bool | None = None
     age: float = np.inf
     words: str = ""
+    axes: Rotations | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,6 +95,8 @@ class Sensed:
         distance: distance from the start to the contact or echo [m]; infinite without one.
         reach: largest distance of the motion or beam [m].
         seconds: duration [s].
+        reported: position of the contact, or of the end without one, as the controller reports it ``(3,)`` [m]; None
+            if it reports none.
     """
 
     start: Vectors
@@ -96,6 +104,7 @@ class Sensed:
     distance: float
     reach: float
     seconds: float = field(default=0.0)
+    reported: Vectors | None = None
 
     @property
     def hit(self) -> bool:
@@ -105,7 +114,7 @@ class Sensed:
 
 @runtime_checkable
 class Machine(Protocol):
-    """Driver of a machine; ``docs/robots.md`` lists what a driver must never do.
+    """Driver of a machine; ``docs/machines_safety.md`` lists what a driver must never do.
 
     Motions block until the machine is at rest, at most for ``seconds``, and raise :class:`MachineError`. The other
     methods neither raise nor wait.
@@ -181,11 +190,27 @@ def place_of(machine: Machine) -> Vectors:
 
     Raises:
         LinkLostError: the controller has not reported a position.
+        StoppedError: the position is not three finite numbers.
     """
     place = machine.status().place
     if place is None:
         raise LinkLostError(f"{machine.facts.name}: expected a position, got none. Check the connection.")
+    if np.shape(place) != (3,) or not np.isfinite(place).all():
+        raise StoppedError(
+            f"{machine.facts.name}: expected a position of three finite numbers, got {np.asarray(place).tolist()}. "
+            "Check the controller."
+        )
     return place
+
+
+def quoted(reply: str) -> str:
+    """Return a reply of a controller for a message, without control characters and at most 80 characters long.
+
+    Args:
+        reply: reply as received.
+    """
+    text = "".join(c if c.isprintable() else "?" for c in reply[:81])
+    return f"'{text[:80]}...'" if len(text) > 80 else f"'{text}'"
 
 
 def in_words(values: Vectors) -> str:

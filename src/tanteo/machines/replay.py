@@ -37,7 +37,7 @@ class ReplayMachine:
         self._ranges = self._readings.ranges.filled(_BEFORE)
         self._place = self._readings.points[0] - self._ranges[0] * self._readings.directions[0]
         self._stopped = False
-        self.facts = Facts(f"log {name}", guarded=False)
+        self.facts = Facts(f"log {name}", guarded=False, recorded=True)
 
     @classmethod
     def of_file(cls, path: str | Path) -> ReplayMachine:

@@ -11,11 +11,14 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from tanteo.machines.link import Link
-from tanteo.machines.protocol import LinkLostError
+from tanteo.machines.protocol import LinkLostError, quoted
 
 REQUEST_VERSION, CONTROLLER_VERSION, DATA = b"V", b"v", b"U"
 SETUP_OUTPUTS, START, PAUSE = b"O", b"S", b"P"
@@ -24,13 +27,16 @@ TYPES: Mapping[str, str] = MappingProxyType(
     {
         "timestamp": "DOUBLE", "actual_TCP_pose": "VECTOR6D", "actual_TCP_speed": "VECTOR6D", "actual_q": "VECTOR6D",
         "actual_digital_input_bits": "UINT64", "runtime_state": "UINT32", "robot_mode": "INT32", "safety_mode": "INT32",
-        "robot_status_bits": "UINT32", "safety_status_bits": "UINT32", "actual_TCP_force": "VECTOR6D",
+        "tcp_offset": "VECTOR6D", "robot_status_bits": "UINT32",
+        "safety_status_bits": "UINT32", "actual_TCP_force": "VECTOR6D",
     }
     | {f"output_int_register_{k}": "INT32" for k in range(48)}
     | {f"output_double_register_{k}": "DOUBLE" for k in range(48)}
 )  # fmt: skip
 """Types of the supported outputs, by name."""
 
+_LARGEST = 1e9
+"""Largest magnitude of a number: seconds since the start of a controller are fewer, positions and angles smaller."""
 _CODES = {"DOUBLE": "d", "VECTOR6D": "6d", "UINT64": "Q", "UINT32": "I", "INT32": "i", "UINT8": "B", "BOOL": "?"}
 
 
@@ -117,10 +123,16 @@ class RtdeClient:
         if self._requested(REQUEST_VERSION, struct.pack(">H", 2), deadline) != b"\1":
             raise LinkLostError(f"{link.name}: expected RTDE protocol 2, got none. Update the controller.")
         wanted = struct.pack(">d", frequency) + ",".join(outputs).encode("ascii")
-        self._types = self._requested(SETUP_OUTPUTS, wanted, deadline)[1:].decode("ascii").split(",")
+        answer = self._requested(SETUP_OUTPUTS, wanted, deadline)
+        self._recipe, self._types = answer[:1], answer[1:].decode("ascii", "replace").split(",")
         if "NOT_FOUND" in self._types:
-            lacks = outputs[self._types.index("NOT_FOUND")]
+            lacks = ", ".join(name for name, kind in zip(outputs, self._types, strict=False) if kind == "NOT_FOUND")
             raise LinkLostError(f"{link.name}: expected the output '{lacks}', got none. Update the controller.")
+        if self._types != [TYPES[name] for name in outputs]:
+            raise LinkLostError(
+                f"{link.name}: expected the types of its outputs, got {quoted(','.join(self._types))}. Update the "
+                "controller."
+            )
         if self._requested(START, b"", deadline) != b"\1":
             raise LinkLostError(f"{link.name}: expected RTDE to start, got a refusal. Restart the controller.")
 
@@ -133,20 +145,37 @@ class RtdeClient:
         Raises:
             LinkLostError: the connection is lost, or a package is malformed.
         """
-        try:
-            self._buffer.extend(self._link.read(seconds))
+        self._buffer.extend(self._link.read(seconds))
+        with self._whole():
             for letter, payload in packages(self._buffer):
                 if letter == DATA:
-                    self.values = dict(zip(self._outputs, unpack(self._types, payload), strict=True))
+                    self.values = self._values_of(payload)
                     self.at = time.monotonic()
+
+    @contextmanager
+    def _whole(self) -> Iterator[None]:
+        """Raise the error of a malformed package."""
+        try:
+            yield
         except (ValueError, struct.error) as error:
             raise LinkLostError(f"{self._link.name}: expected packages of RTDE, got {error}. Reconnect.") from None
+
+    def _values_of(self, payload: bytes) -> dict[str, Any]:
+        """Return the values of a data package by name; raise ValueError if one is not a plausible number."""
+        if payload[:1] != self._recipe:
+            raise ValueError(f"the recipe {quoted(payload[:1].hex())} in place of {quoted(self._recipe.hex())}")
+        values = dict(zip(self._outputs, unpack(self._types, payload), strict=True))
+        for name, value in values.items():
+            if TYPES[name] in ("DOUBLE", "VECTOR6D") and not (np.abs(np.asarray(value)) <= _LARGEST).all():
+                raise ValueError(f"{name} = {value}")
+        return values
 
     def _requested(self, letter: bytes, payload: bytes, deadline: float) -> bytes:
         self._link.write(package(letter, payload))
         while time.monotonic() < deadline:
-            for got, body in packages(self._buffer):
-                if got == letter:
-                    return body
+            with self._whole():
+                for got, body in packages(self._buffer):
+                    if got == letter:
+                        return body
             self._buffer.extend(self._link.read(0.1))
         raise LinkLostError(f"{self._link.name}: expected an answer of RTDE, got none. Check the connection.")

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from tanteo import io
+from tanteo.machines.contact_watch import ContactWatch
 from tanteo.machines.journal import Journal, reading_of, take_up_rows
 from tanteo.machines.protocol import ContactError, RefusedError, Sensed, StoppedError
 from tanteo.machines.safe import SafeMachine
+from tanteo.machines.signals import stop_on_signals
 from tanteo.machines.ways import Ways
 from tanteo.planning import Action, Done, Session, Step
 from tanteo.planning.stopping import largest_corner_sd
@@ -66,7 +68,8 @@ def probe_part(
     """Sense a part with a machine until the session ends.
 
     The record stores every question before the machine moves, and a journal stores every reading before the session
-    uses it. After a power failure, :func:`tanteo.io.read_record` and this function continue the run.
+    uses it. After a power failure, :func:`tanteo.io.read_record` and this function continue the run. A signal that
+    would end the process stops and closes the machine (:func:`tanteo.machines.stop_on_signals`).
 
     Args:
         session: session that chooses the readings.
@@ -74,6 +77,11 @@ def probe_part(
         record: file of the session record; None to store nothing.
         watch: function that is called after every question.
     """
+    with stop_on_signals(machine):
+        return _probed(session, machine, record, watch)
+
+
+def _probed(session: Session, machine: SafeMachine, record: str | Path | None, watch: Callable[[Turn], None]) -> Probed:
     run = _Run(session, machine, record)
     resumed = run.take_up()
     turns, in_vain, stopped = list[Turn](), 0, ""
@@ -83,6 +91,7 @@ def probe_part(
         except StoppedError as error:
             stopped, turn = str(error), Turn(action, run.sensed, None, str(error))
         turns.append(turn)
+        stopped = stopped or run.missed
         watch(turn)
         in_vain = in_vain + 1 if turn.step is None else 0
         if stopped or in_vain >= _REFUSED:
@@ -98,6 +107,8 @@ class _Run:
     record: str | Path | None
     before: Action | None = None
     sensed: Sensed | None = None
+    missed: str = ""
+    contacts: ContactWatch = field(default_factory=ContactWatch)
 
     def take_up(self) -> int:
         """Pass the stored readings of an earlier run to the session; return their number."""
@@ -132,6 +143,10 @@ class _Run:
         return Turn(action, sensed, self._report(action, sensed), "" if sensed.hit else BeamsFree().message)
 
     def _report(self, action: Action, sensed: Sensed) -> Step:
+        if self.machine.facts.contact and not self.machine.facts.recorded and not self.machine.dry_run:
+            self.missed = self.missed or self.contacts.missed(self.session, sensed)
+            if self.missed:
+                self.machine.forbid(self.missed)
         step = self.session.tell(reading_of(action, sensed), action)
         if not sensed.hit or not step.ids:  # the session would choose the same question again without a refusal
             self.session.refuse(action)

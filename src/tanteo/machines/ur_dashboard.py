@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import time
 
 from tanteo.machines.link import Link
-from tanteo.machines.protocol import LinkLostError, StoppedError
+from tanteo.machines.protocol import LinkLostError, StoppedError, quoted
 
 _WANTED = (
     ("robotmode", "RUNNING", "Start it at the pendant"),
@@ -13,6 +14,8 @@ _WANTED = (
     ("is in remote control", "true", "Switch it to remote control at the pendant"),
 )
 """Queries, the answers of a robot that is ready, and the advice for other answers."""
+_LONGEST = 4096
+"""Largest length of an answer [bytes]; those of PolyScope are shorter."""
 
 
 def ready_version(link: Link, deadline: float) -> str:
@@ -30,9 +33,12 @@ def ready_version(link: Link, deadline: float) -> str:
     version = _queried(link, "PolyscopeVersion", deadline)
     for question, good, advice in _WANTED:
         answer = _queried(link, question, deadline)
-        if good.lower() not in answer.lower():
-            raise StoppedError(f"{link.name}: expected {question}: {good}, got '{answer}'. {advice}.")
-    return version.split(" ")[-1] if " " in version else version
+        if not re.fullmatch(rf"(\w+: )?{good}", answer, re.IGNORECASE):
+            raise StoppedError(f"{link.name}: expected {question}: {good}, got {quoted(answer)}. {advice}.")
+    found = re.search(r"\d+(\.\d+)+", version)
+    if found is None:
+        raise StoppedError(f"{link.name}: expected a version of PolyScope, got {quoted(version)}. Check the address.")
+    return found[0]
 
 
 def _queried(link: Link, question: str, deadline: float) -> str:
@@ -43,7 +49,10 @@ def _queried(link: Link, question: str, deadline: float) -> str:
 def _line(link: Link, deadline: float) -> str:
     row = b""
     while not row.endswith(b"\n"):
-        if time.monotonic() > deadline:
+        if not time.monotonic() <= deadline:
             raise LinkLostError(f"{link.name}: expected an answer of the dashboard, got none. Check it.")
+        if len(row) > _LONGEST:
+            got = quoted(row.decode("utf-8", "replace"))
+            raise LinkLostError(f"{link.name}: expected an answer of the dashboard, got {got}. Check the address.")
         row += link.read(0.1)
     return row.decode("utf-8", "replace").strip()

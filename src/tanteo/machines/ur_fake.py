@@ -21,11 +21,24 @@ from tanteo.machines import rtde
 from tanteo.machines.fake import Fake
 from tanteo.machines.faults import Faults
 from tanteo.machines.server import Server
-from tanteo.machines.ur_script import ARRIVED, HIT, NUMBER, PLACE, PUSHED, RESULT, TRIPPED
+from tanteo.machines.ur_script import (
+    ARRIVED,
+    CHANGED,
+    HIT,
+    NUMBER,
+    PLACE,
+    PUSHED,
+    RESULT,
+    START_NEAR,
+    TCP_NEAR,
+    TRIPPED,
+)
 from tanteo.machines.world import World
 
 _MOVEL = re.compile(r"movel\(p\[([^\]]+)\], a=([\d.]+), v=([\d.]+)\)")
 _NUMBER = re.compile(rf"write_output_integer_register\({NUMBER}, (\d+)\)")
+_WANTED = re.compile(r"wanted = p\[([^\]]+)\]")
+_START = re.compile(r"point_dist\(get_actual_tcp_pose\(\), p\[([^\]]+)\]\)")
 _RESULTS = {"arrived": ARRIVED, "contact": HIT, "tripped": TRIPPED, "pushed": PUSHED}
 _MODES = {"running": 7, "normal": 1, "emergency": 6}
 
@@ -38,6 +51,7 @@ class UrFake(Fake):
         programs: programs that clients have sent.
         turn: rotation vector of the TCP ``(3,)`` [rad].
         remote: whether the robot is in remote control.
+        tcp: offset of the TCP from the flange ``(6,)`` [m, rad].
     """
 
     def __init__(
@@ -46,7 +60,7 @@ class UrFake(Fake):
     ) -> None:  # fmt: skip
         super().__init__(world, start, speedup, faults)
         self.turn = np.array([np.pi, 0.0, 0.0])
-        self.remote = remote
+        self.remote, self.tcp = remote, np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0])
         self.programs = list[str]()
         self._registers: dict[str, Any] = {}
         self._playing, self._safety = False, _MODES["normal"]
@@ -91,9 +105,9 @@ class UrFake(Fake):
 
     def _halt(self) -> None:
         """End the running program, and wait until it has ended."""
-        self.tip.hold.set()
+        self.tip.cancel.set()
         with self._busy:
-            self.tip.hold.clear()
+            self.tip.cancel.clear()
 
     def _program_port(self, client: socket.socket) -> None:
         text = ""
@@ -113,11 +127,23 @@ class UrFake(Fake):
                 return
             self._registers |= {f"output_int_register_{RESULT}": 0}
             self._registers |= {f"output_int_register_{NUMBER}": int(number[1])}
+            if not self._as_expected(program):
+                self._registers |= {f"output_int_register_{RESULT}": CHANGED}
+                return
             self._playing = True
             try:
                 self._move(moves, guarded="thread search()" in program)
             finally:
                 self._playing = False
+
+    def _as_expected(self, program: str) -> bool:
+        """Return whether TCP and start are those that the program compares them with."""
+        wanted, start = (
+            np.array([float(v) for v in found[1].split(",")]) if found else None
+            for found in (_WANTED.search(program), _START.search(program))
+        )
+        tcp = wanted is None or float(np.linalg.norm(wanted - self.tcp)) <= TCP_NEAR
+        return tcp and (start is None or float(np.linalg.norm(start[:3] - self.tip.place)) <= START_NEAR)
 
     def _move(self, moves: re.Match[str], *, guarded: bool) -> None:
         pose = np.array([float(v) for v in moves[1].split(",")])
@@ -164,9 +190,10 @@ class UrFake(Fake):
 
     def _value(self, name: str) -> Any:
         if rtde.TYPES.get(name) == "VECTOR6D":
-            return [float(v) for v in (*self.tip.place, *self.turn)] if name == "actual_TCP_pose" else [0.0] * 6
+            vectors = {"actual_TCP_pose": (*self.tip.place, *self.turn), "tcp_offset": self.tcp}
+            return [float(v) for v in vectors.get(name, (0.0,) * 6)]
         if name == "actual_digital_input_bits":
-            return int(self.tip.world.tripped(self.tip.place))
+            return int(self.tip.tripped)
         fixed = {
             "timestamp": time.monotonic() - self._begun, "runtime_state": 2 if self._playing else 1,
             "robot_mode": _MODES["running"], "safety_mode": self._safety,

@@ -17,7 +17,7 @@ from . import whole as whole
 from .cell import CellCheck as CellCheck
 from .cell import CellError as CellError
 from .cell import check_cell as check_cell
-from .clearance import has_room as has_room
+from .clearance import has_clearance as has_clearance
 from .context import Policy as Policy
 from .discrimination import discriminate as discriminate
 from .execution.loop import sense_part as sense_part
@@ -39,7 +39,7 @@ from .session.values import Done as Done
 from .session.values import Observation as Observation
 from .session.values import Sensing as Sensing
 from .session.values import Step as Step
-from .start import around as around
+from .start import at_place as at_place
 from .state import SensingState as SensingState
 from .state import begin as begin
 from .state import update as update

@@ -19,17 +19,17 @@ class Random:
     name: str = "random"
 
     def choose(self, context: DecisionContext) -> Choice:
-        """Return a candidate drawn by seed and number of readings."""
+        """Return a random candidate, which depends only on the session's seed and the number of readings."""
         rng = np.random.default_rng((1991, context.seed, context.count))
         return Choice(int(rng.integers(len(context.candidates))), np.nan, DrawnAtRandom())
 
 
 @dataclass(frozen=True, slots=True)
 class Nearest:
-    """Policy that chooses the nearest candidate at a distance from all readings so far.
+    """Policy that chooses the candidate with the shortest travel among those far from all readings so far.
 
     Attributes:
-        apart: least distance to earlier readings, as a fraction of the part's diagonal.
+        apart: smallest distance to earlier readings, as a fraction of the part's diagonal.
         name: name of the policy.
     """
 
@@ -37,7 +37,10 @@ class Nearest:
     name: str = "nearest"
 
     def choose(self, context: DecisionContext) -> Choice:
-        """Return the nearest candidate that meets a new place."""
+        """Return the candidate with the shortest travel that is far enough from all readings.
+
+        If no candidate is far enough, the one farthest from the readings is returned.
+        """
         s = context
         away = _from_readings(s) - self.apart * s.state.target(0).part.diagonal
         travel = s.travel()
@@ -52,15 +55,15 @@ class LargestFace:
     name: str = "largest-face"
 
     def choose(self, context: DecisionContext) -> Choice:
-        """Return a candidate on the face with the largest area per reading."""
+        """Return the candidate, farthest from all readings, on the face with the largest area per reading."""
         s = context
         counts = _sensed_faces(s)
         on_best = np.flatnonzero(s.candidates.mode == 0)
         pool = on_best if len(on_best) else np.arange(len(s.candidates))
         part = s.state.target(int(s.candidates.mode[pool[0]])).part
         areas = np.array([part.faces[f].area for f in s.candidates.face[pool]])
-        met = np.array([counts.get(int(f), 0) for f in s.candidates.face[pool]])
-        worth = areas / (1 + met)
+        readings = np.array([counts.get(int(f), 0) for f in s.candidates.face[pool]])
+        worth = areas / (1 + readings)
         best = pool[worth >= worth.max() * (1 - 1e-9)]
         k = _spread_out(s, best)
         return Choice(k, np.nan, LargestFaceLeast(part.faces[s.candidates.face[k]].name))
@@ -73,7 +76,7 @@ class Scripted321:
     name: str = "3-2-1"
 
     def choose(self, context: DecisionContext) -> Choice:
-        """Return a candidate on the next plane of the rule, far from earlier readings."""
+        """Return the candidate farthest from all readings on the plane that is next in the rule."""
         s = context
         on_best = np.flatnonzero(s.candidates.mode == 0)
         pool = on_best if len(on_best) else np.arange(len(s.candidates))
@@ -86,7 +89,7 @@ class Scripted321:
 
 
 def _script(s: DecisionContext, pool: IntArray) -> list[int]:
-    """Return the largest reachable plane, the largest one about perpendicular to it, and to both."""
+    """Return the faces of the 3-2-1 rule: up to three large reachable planes that are about perpendicular."""
     part = s.state.target(int(s.candidates.mode[pool[0]])).part
     reachable = set(s.candidates.face[pool].tolist())
     planes = part.planes
@@ -111,7 +114,10 @@ def _sensed_faces(s: DecisionContext) -> dict[int, int]:
 
 
 def _from_readings(s: DecisionContext) -> FloatArray:
-    """Return the distance of every candidate's aim from the nearest reading ``(C,)`` [m]; infinite before the first."""
+    """Return the distance of the point at which each candidate aims from the nearest reading ``(C,)`` [m].
+
+    It is infinite before the first reading.
+    """
     if s.state.touches is None or not len(s.state.touches):
         return np.full(len(s.candidates), np.inf)
     gaps = s.aims()[:, None] - s.state.touches.points

@@ -1,4 +1,4 @@
-"""Candidate readings that the probe can make: places on possible parts with a clear approach."""
+"""Candidate readings: points on possible parts that the probe can reach by a clear approach."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
-from tanteo.planning.clearance import has_room
+from tanteo.planning.clearance import has_clearance
 from tanteo.planning.predictions import predict
 from tanteo.planning.probe import Probe
 from tanteo.planning.samples import draw
@@ -16,31 +16,31 @@ from tanteo.planning.state import SensingState
 from tanteo.posterior import PreparedPart
 
 _LIKELY = 0.01
-"""Least probability of a mode that candidates aim at."""
+"""Smallest probability of a mode at which candidates aim."""
 
 _TRIED = 320
-"""Least number of places that are tried on a mode."""
+"""Smallest number of surface points of a mode that are tried."""
 
 _SHARP = 1e-5
 """Distance of a sharp tip from its surface in the visibility check of the stylus [m]."""
 _TILT_SDS = 3.0
-"""Standard deviations of the part's attitude in the collision check of the stylus."""
+"""Tilt of the part in the collision check of the stylus, as a multiple of its standard deviation."""
 
 _TOO_NEAR, _SOME, _DRAWS = 0.01, 0.25, 64
-"""Largest probability that a reading is below the sensor's least range, least fraction of the candidates that stay in
-any case, and number of poses for the estimate."""
+"""Largest allowed probability that a reading is below the sensor's smallest range, smallest fraction of the candidates
+that is kept in any case, and number of sampled poses for the estimate."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """Readings to choose from.
+    """Candidate readings of a probe.
 
     Attributes:
-        origins: starts of the probe, world frame ``(C, 3)`` [m].
-        directions: unit directions of beams or motions, world frame ``(C, 3)``.
-        mode: index of the mode that each aims at ``(C,)``.
-        face: index of the face of that mode's part that it aims at ``(C,)``.
-        ranges: range to the face if that mode is true ``(C,)`` [m].
+        origins: starts of the beams or motions, world frame ``(C, 3)`` [m].
+        directions: unit directions of the beams or motions, world frame ``(C, 3)``.
+        mode: index of the posterior mode at which each candidate aims ``(C,)``.
+        face: index of the aimed face of that mode's part ``(C,)``.
+        ranges: distance from the start to the face if that mode is true ``(C,)`` [m].
     """
 
     origins: Vectors
@@ -53,24 +53,24 @@ class Candidates:
         return len(self.origins)
 
     def take(self, rows: IntArray | BoolArray) -> Candidates:
-        """Return some of the candidates."""
+        """Return the candidates of some rows, given as indices or flags."""
         return Candidates(*(getattr(self, name)[rows] for name in self.__slots__))
 
     @property
     def aims(self) -> Vectors:
-        """Points that the candidates meet if their modes are true, world frame ``(C, 3)`` [m]."""
+        """Points at which the candidates hit the part if their modes are true, world frame ``(C, 3)`` [m]."""
         return np.asarray(self.origins + self.ranges[:, None] * self.directions)
 
 
 def propose(state: SensingState, probe: Probe, count: int = 500, seed: int = 0, *, anywhere: bool = True) -> Candidates:
-    """Return candidates on the more probable modes whose approach is clear of all possible modes.
+    """Return candidate readings of the more probable modes whose approach is clear of the part at all modes.
 
     Args:
         state: posterior of the session.
         probe: sensor model with the limits of its approach.
-        count: approximate number of candidates.
-        seed: seed of the places on the surfaces.
-        anywhere: whether approaches must clear sampled poses of each mode, not only its best pose.
+        count: approximate number of candidates before the check of their approaches.
+        seed: seed of the random surface points.
+        anywhere: whether approaches must be clear of sampled poses of each mode, or only of its most probable pose.
     """
     w = state.weights
     likely = np.flatnonzero(w >= min(_LIKELY, w.max(initial=0.0)))
@@ -81,19 +81,22 @@ def propose(state: SensingState, probe: Probe, count: int = 500, seed: int = 0, 
         none, nowhere = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         return Candidates(nowhere, nowhere, none, none, np.zeros(0))
     joint = Candidates(*(np.concatenate([getattr(c, name) for c in some]) for name in Candidates.__slots__))
-    joint = joint.take(has_room(state, joint, probe, anywhere=anywhere))
+    joint = joint.take(has_clearance(state, joint, probe, anywhere=anywhere))
     return joint.take(_far_enough(state, joint, probe)) if probe.min_range > 0 and len(joint) else joint
 
 
 def _far_enough(state: SensingState, candidates: Candidates, probe: Probe) -> BoolArray:
-    """Return the candidates that are rarely below the sensor's least range, or the best of them ``(C,)``."""
+    """Return flags of the candidates whose range is rarely below the sensor's smallest range ``(C,)``.
+
+    At least a quarter of the candidates is kept: those with the smallest probability.
+    """
     samples = draw(state, _DRAWS)
     near = (predict(samples, candidates.origins, candidates.directions).ranges < probe.min_range) @ samples.weights
     return np.asarray(near <= max(_TOO_NEAR, float(np.quantile(near, _SOME))))
 
 
 def _on_mode(state: SensingState, k: int, probe: Probe, count: int, seed: int) -> Candidates:
-    """Return candidates that meet evenly spread places of one mode at an allowed incidence."""
+    """Return candidates that hit random surface points of one mode at an allowed incidence, without obstruction."""
     target, T = state.target(k), state.poses[k]
     rows = np.random.default_rng((1991, seed, k)).permutation(len(target.samples))[: max(_TRIED, count)]
     points, normals, faces = target.samples[rows], target.normals[rows], target.sample_faces[rows]
@@ -107,7 +110,7 @@ def _on_mode(state: SensingState, k: int, probe: Probe, count: int, seed: int) -
     origins = world - ranges[:, None] * directions
     first = target.surface.cast(SE3.apply(to_part, origins), directions @ to_part[:3, :3].T).distances
     ok &= np.abs(first - ranges) < 1e-6 + 1e-3 * ranges
-    if probe.stylus is not None or probe.stylus_behind:
+    if probe.stylus is not None or probe.stylus_along_motion:
         tilt = _TILT_SDS * float(np.sqrt(np.linalg.eigvalsh(state.covariances[k][3:, 3:])[-1]))
         contacts = world + max(probe.radius, _SHARP) * outward
         ok[ok] = _stylus_free(target, to_part, origins[ok], contacts[ok], directions[ok], probe, tilt)
@@ -118,13 +121,13 @@ def _on_mode(state: SensingState, k: int, probe: Probe, count: int, seed: int) -
 def _between_walls(
     target: PreparedPart, points: Vectors, back: Vectors, ranges: FloatArray, clearance: float
 ) -> FloatArray:
-    """Return stand-offs ``(n,)`` [m], reduced to half of the free distance to an opposite wall, as in a bore.
+    """Return stand-offs that are at most half of the distance to an opposite wall, as in a bore ``(n,)`` [m].
 
     Args:
         target: the part.
         points: aimed points, part frame ``(n, 3)`` [m].
         back: unit directions from the points to the starts, part frame ``(n, 3)``.
-        ranges: stand-offs without walls ``(n,)`` [m].
+        ranges: intended stand-offs ``(n,)`` [m].
         clearance: clearance of the start [m].
     """
     away = 1e-6 * target.part.diagonal
@@ -141,9 +144,9 @@ def _stylus_free(
     probe: Probe,
     tilt: float,
 ) -> BoolArray:
-    """Return whether the stylus is free of the part from start to contact, also at a tilt of the part ``(n,)``.
+    """Return whether the stylus misses the part from start to contact, even if the part is tilted ``(n,)``.
 
-    The stylus has half the thickness of the ball.
+    The stylus is modelled by five rays within half of the ball's radius, tilted by ``tilt``.
 
     Args:
         target: the part.
@@ -168,7 +171,12 @@ def _stylus_free(
 
 
 def within_cone(directions: Vectors, probe: Probe) -> Vectors:
-    """Return the allowed directions nearest to given ones ``(C, 3)``."""
+    """Return the unit directions in the probe's approach cone that are nearest to given ones ``(C, 3)``.
+
+    Args:
+        directions: unit directions, world frame ``(C, 3)``.
+        probe: sensor model; without an approach cone all directions are allowed.
+    """
     if probe.approach is None:
         return directions
     a = probe.approach

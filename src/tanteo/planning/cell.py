@@ -1,7 +1,8 @@
-"""Check of a cell by readings of a part: tip offset, mountings, robot base and bias are estimated beside the pose.
+"""Check of a robot cell by readings of a known part, which estimate its shared errors together with the pose.
 
-For each shared error, the result has its estimate, a test of its stated standard deviation, and the errors that the
-readings cannot separate from it. It also proposes the reading with the most information about the errors.
+Shared errors are those of tip offset, sensor mounting, robot base and bias. For each of them the result has an
+estimate, a test of its stated standard deviation, and the errors that the readings cannot separate from it. It also
+proposes the reading with the most information about the errors.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ from tanteo.posterior.answers import point_moves
 from tanteo.sensors import Column, PointMeasurements, Readings
 
 Measured = Callable[[Readings], PointMeasurements]
-"""Function that converts readings into measurements."""
+"""Function that converts readings into measurements in the world frame."""
 
 _EXPLAINED = 0.05
-"""Least fraction of an error's stated variance that the readings must explain for a test."""
+"""Smallest fraction of a component's stated variance that the readings must remove before the component is tested."""
 _CORRELATED = 0.7
-"""Correlation above which the readings do not separate two errors."""
+"""Canonical correlation above which the readings do not separate two errors."""
 _PLACES, _TURNS = 60, 4
-"""Number of places of the part, and of rotations of the hand, among which the next reading is chosen."""
+"""Numbers of surface points of the part, and of rotations of the hand, among which the next reading is chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,10 +41,10 @@ class CellError:
         name: name of the error.
         meaning: description of the error.
         stated: stated standard deviations ``(d,)`` [m, rad; a scale has no unit].
-        estimate: estimate by the readings ``(d,)``.
-        sd: standard deviation of the estimate ``(d,)``.
-        p_value: p-value of the estimate under the stated deviations; 1 if the readings do not determine it.
-        explained: largest fraction of a component's variance that the readings explain.
+        estimate: posterior mean ``(d,)``.
+        sd: posterior standard deviation ``(d,)``.
+        p_value: p-value of the estimate under the stated standard deviations; 1 if the readings do not determine it.
+        explained: largest fraction of a component's stated variance that the readings remove.
     """
 
     name: str
@@ -56,7 +57,7 @@ class CellError:
 
     @property
     def contradicted(self) -> bool:
-        """Whether the readings contradict what was stated."""
+        """Whether the readings contradict the stated standard deviations."""
         return self.p_value < SIGNIFICANCE
 
 
@@ -65,12 +66,12 @@ class NextForCell:
     """Reading with the most information about the shared errors.
 
     Attributes:
-        point: point on the part, world frame ``(3,)`` [m].
+        point: point on the part to sense, world frame ``(3,)`` [m].
         direction: unit direction of the approach, world frame ``(3,)``.
         face: name of the face.
-        turn: rotation of the hand from its earlier attitude [rad].
+        turn: angle by which to rotate the hand from its earlier attitude [rad].
         axis: axis of that rotation, world frame ``(3,)``.
-        gain: information about the errors [nats].
+        gain: expected information about the errors [nats].
     """
 
     point: Vectors
@@ -86,9 +87,10 @@ class CellCheck:
     """Result of the check of a cell.
 
     Attributes:
-        errors: shared errors, in the order of the measurements.
-        correlated: pairs of errors that the readings do not separate, with their correlation.
-        following: reading with the most information; None if none has any.
+        errors: estimate of each shared error, in the order of the measurements.
+        correlated: pairs of errors that the readings do not separate, by their meaning, with their canonical
+            correlation.
+        following: reading with the most information about the errors; None if no reading has any.
     """
 
     errors: tuple[CellError, ...]
@@ -97,20 +99,20 @@ class CellCheck:
 
 
 def check_cell(state: SensingState, readings: Readings, measured: Measured) -> CellCheck:
-    """Estimate and test the shared errors of a cell by readings of a part.
+    """Estimate the shared errors of a robot cell from readings of a part, and test their stated deviations.
 
     Args:
-        state: state of the session after the readings.
-        readings: the readings.
+        state: posterior of a session with these readings.
+        readings: readings of the part.
         measured: function that converts readings into measurements with shared errors.
 
     Raises:
-        InputError: no part explains the readings, or they share no error.
+        InputError: no part explains the readings, or the measurements have no shared error.
     """
     points = measured(readings)
     if not state.modes:
         raise InputError(
-            "check-cell: expected readings of the part, got some that it does not explain. Check them first."
+            "check-cell: expected readings of the part, got readings that the part does not explain. Check them first."
         )
     if not points.shared:
         raise InputError(
@@ -126,7 +128,7 @@ def check_cell(state: SensingState, readings: Readings, measured: Measured) -> C
         slices.append(rows)
         start = rows.stop
         block = root[rows, rows]
-        p, explained = _against(z[rows], C[rows, rows])
+        p, explained = _test_of_prior(z[rows], C[rows, rows])
         sd = np.sqrt(np.diag(block @ C[rows, rows] @ block.T))
         errors.append(CellError(
             error.name, error.meaning or error.name, np.sqrt(np.diag(error.covariance)), block @ z[rows], sd, p,
@@ -135,8 +137,8 @@ def check_cell(state: SensingState, readings: Readings, measured: Measured) -> C
     return CellCheck(tuple(errors), _correlated(errors, slices, C), _following(state, readings, points, measured))
 
 
-def _against(z: FloatArray, C: FloatArray) -> tuple[float, float]:
-    """Return the p-value of an estimate with unit normal prior, and the largest explained fraction of variance."""
+def _test_of_prior(z: FloatArray, C: FloatArray) -> tuple[float, float]:
+    """Return the p-value of an estimate under a unit normal prior, and the largest fraction of variance removed."""
     explained, axes = np.linalg.eigh(np.eye(len(z)) - C)
     enough = explained > _EXPLAINED
     if not enough.any():
@@ -148,7 +150,7 @@ def _against(z: FloatArray, C: FloatArray) -> tuple[float, float]:
 def _correlated(
     errors: Sequence[CellError], slices: Sequence[slice], C: FloatArray
 ) -> tuple[tuple[str, str, float], ...]:
-    """Return pairs of errors with a large canonical correlation after the readings."""
+    """Return pairs of errors with a large canonical correlation after the readings, largest first."""
     found = []
     for i, a in enumerate(slices):
         for j in range(i + 1, len(slices)):
@@ -191,7 +193,7 @@ def _following(
 
 
 def _turns(readings: Readings) -> list[tuple[int, float]]:
-    """Return rotations of the hand about the approach, and for touches about the two other axes, too."""
+    """Return the axis and angle of each rotation of the hand to try: about the approach; for touches about all axes."""
     if not readings.Ts_world_hand.given.any():
         return [(2, 0.0)]
     columns = (2, 0, 1) if readings.points.given.any() else (2,)
@@ -206,24 +208,36 @@ def _information(C: FloatArray, h: FloatArray, variance: float, D: int) -> float
     return float(0.5 * (np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1]))
 
 
-def _made(readings: Readings, before: PointMeasurements, world: Vectors, ways: Vectors, turn: Vectors) -> Readings:
-    """Return readings at given places, with the hand of the most similar reading, moved there and rotated."""
-    had = np.where(np.isnan(before.directions), -before.normals, before.directions)
-    had = np.where(np.isnan(had), -np.eye(3)[2], had)
-    near = np.argmax(ways @ had.T, axis=1)
+def _made(
+    readings: Readings, before: PointMeasurements, world: Vectors, directions: Vectors, turn: Vectors
+) -> Readings:
+    """Return readings at given points, with the hand of the earlier reading whose approach is most similar.
+
+    Args:
+        readings: earlier readings.
+        before: measurements of them.
+        world: points, world frame ``(n, 3)`` [m].
+        directions: unit directions of the approach, world frame ``(n, 3)``.
+        turn: further rotation of the hand, rotation vectors in the world frame ``(n, 3)`` [rad].
+    """
+    earlier = np.where(np.isnan(before.directions), -before.normals, before.directions)
+    earlier = np.where(np.isnan(earlier), -np.eye(3)[2], earlier)
+    near = np.argmax(directions @ earlier.T, axis=1)
     rows = before.rows[near]
-    axes = np.cross(had[near], ways)
+    axes = np.cross(earlier[near], directions)
     sines = np.linalg.norm(axes, axis=1, keepdims=True)
-    angles = np.arctan2(sines[:, 0], np.sum(had[near] * ways, axis=1))
+    angles = np.arctan2(sines[:, 0], np.sum(earlier[near] * directions, axis=1))
     turns = SO3.exp(turn) @ SO3.exp(axes / np.maximum(sines, 1e-12) * angles[:, None])
     hands = readings.Ts_world_hand.take(rows)
-    held, Ts = hands.given, hands.values
-    arms = Ts[:, :3, 3] - before.points[near][held]
-    moved = SE3.from_parts(turns[held] @ Ts[:, :3, :3], world[held] + np.einsum("nij,nj->ni", turns[held], arms))
+    has_hand, Ts = hands.given, hands.values
+    arms = Ts[:, :3, 3] - before.points[near][has_hand]
+    moved = SE3.from_parts(
+        turns[has_hand] @ Ts[:, :3, :3], world[has_hand] + np.einsum("nij,nj->ni", turns[has_hand], arms)
+    )
     return Readings.from_columns(
         Column.from_rows(world, readings.points.given[rows]), ids=[f"place {k}" for k in range(len(rows))],
-        directions=Column.from_rows(ways, readings.directions.given[rows]), sds=readings.sds.take(rows),
-        across_sds=readings.across_sds.take(rows), radii=readings.radii[rows], Ts_world_hand=Column(held, moved),
+        directions=Column.from_rows(directions, readings.directions.given[rows]), sds=readings.sds.take(rows),
+        across_sds=readings.across_sds.take(rows), radii=readings.radii[rows], Ts_world_hand=Column(has_hand, moved),
         ranges=readings.ranges.take(rows),
         sensors=[readings.sensors[k] for k in rows],
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Search for the smallest set of readings that keeps a tolerance, first linearized, then over all placements."""
+"""Search for the smallest set of readings that achieves a tolerance, first linearized, then over sampled placements."""
 
 from __future__ import annotations
 
@@ -8,18 +8,20 @@ from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.planning.design import Design
 
 _SWEEPS, _STARTS = 6, 12
-"""Number of rounds of exchanges, and of random initial sets, which avoid poor local minima."""
+"""Numbers of rounds of exchanges, and of random initial sets, which avoid poor local minima."""
 
 
 def choose(design: Design, tolerance: float, confidence: float, max_measurements: int, *, can: bool) -> IntArray:
-    """Return the smallest set of candidates that keeps the tolerance, or the best allowed set, best first.
+    """Return the smallest set of candidates that achieves the tolerance, or the best set of the allowed size.
+
+    The candidates are in the order of their benefit.
 
     Args:
-        design: the problem.
+        design: linear problem of the plan.
         tolerance: tolerance [m].
-        confidence: least probability of the tolerance.
+        confidence: required probability of the tolerance.
         max_measurements: largest number of readings.
-        can: whether all candidates together keep it.
+        can: whether all candidates together achieve the tolerance.
     """
     chosen = _linear(design.steadied(), tolerance, confidence, max_measurements)
     limited = design.chance(design.limit, tolerance) < confidence
@@ -29,7 +31,7 @@ def choose(design: Design, tolerance: float, confidence: float, max_measurements
 
 
 def _linear(design: Design, tolerance: float, confidence: float, max_measurements: int) -> list[int]:
-    """Return the smallest set that keeps the tolerance in the linearized problem."""
+    """Return the smallest set of candidates that achieves the tolerance in the linearized problem."""
     chosen: list[int] = []
     while len(chosen) < min(max_measurements, len(design.rows)):
         starts = [_extended(design, chosen), *_drawn(len(design.rows), len(chosen) + 1)]
@@ -44,7 +46,7 @@ def _linear(design: Design, tolerance: float, confidence: float, max_measurement
 def _steady(
     design: Design, chosen: list[int], tolerance: float, confidence: float, max_measurements: int, *, exchange: bool
 ) -> list[int]:
-    """Exchange and add readings until the tolerance is kept over all placements."""
+    """Exchange and add readings until the tolerance is achieved over all sampled placements."""
     chosen = _exchanged_over_placements(design, chosen, tolerance) if exchange else chosen
     while (
         len(chosen) < min(max_measurements, len(design.rows)) and design.kept(np.array(chosen), tolerance) < confidence
@@ -55,7 +57,7 @@ def _steady(
 
 
 def _exchanged_over_placements(design: Design, chosen: list[int], tolerance: float) -> list[int]:
-    """Exchange each reading once for a better one, over all placements."""
+    """Exchange each reading once for a better one, judged over all sampled placements."""
     for k in range(len(chosen)):
         others = chosen[:k] + chosen[k + 1 :]
         j, lost = _best_with(design, others, tolerance)
@@ -65,14 +67,14 @@ def _exchanged_over_placements(design: Design, chosen: list[int], tolerance: flo
 
 
 def _best_with(design: Design, chosen: list[int], tolerance: float) -> tuple[int, FloatArray]:
-    """Return the best candidate to add, and the loss with each candidate."""
+    """Return the best candidate to add, and the probability of a missed tolerance with each candidate."""
     lost = design.lost_with_each(chosen, tolerance)
     lost[chosen] = np.inf
     return int(np.argmin(lost)), lost
 
 
 def _drawn(count: int, n: int) -> list[list[int]]:
-    """Return reproducible random sets of ``n`` candidates."""
+    """Return reproducible random sets of ``n`` of ``count`` candidates."""
     rng = np.random.default_rng((1991, n))
     return [rng.choice(count, n, replace=False).tolist() for _ in range(_STARTS)]
 

@@ -1,4 +1,4 @@
-"""Clearance of candidates: start and approach path against the workspace and all possible poses of the parts."""
+"""Clearance of candidate readings: approach paths against the workspace and the possible poses of the parts."""
 
 from __future__ import annotations
 
@@ -17,74 +17,75 @@ from tanteo.posterior import PreparedPart, box_corners
 if TYPE_CHECKING:
     from tanteo.planning.candidates import Candidates
 
-_LIVE = 0.003
-"""Least probability of a mode, given that a part is present, that approaches must clear."""
+_LEAST_PROBABILITY = 0.003
+"""Smallest probability of a mode, given that a part is present, for which approaches must be clear."""
 
 _STEPS, _BESIDE_WALLS = 4, 10
-"""Number of checked points on an approach path, without and with a stylus, which may move between walls."""
+"""Numbers of checked points on an approach path, without and with a stylus; a stylus may move between walls."""
 
 _DRAWS, _LEAST_DRAWS = 64, 8
-"""Number of sampled poses that an approach path must clear, and least number for each mode."""
+"""Number of sampled poses of which an approach path must be clear, and smallest number for each mode."""
 
-_BEYOND, _ENOUGH = (1.5, 1.0), 0.25
-"""Spreads of the samples, as multiples of the posterior's, and least fraction of paths that must stay for the wider
-one."""
+_SPREADS, _ENOUGH = (1.5, 1.0), 0.25
+"""Spreads of the sampled poses, as multiples of the posterior's, and fraction of the paths that must stay clear for the
+wider spread to be used."""
 
 
-def has_room(state: SensingState, candidates: Candidates, probe: Probe, *, anywhere: bool = True) -> BoolArray:
-    """Return whether the approach path of each candidate is inside the workspace and clear of all modes ``(C,)``.
+def has_clearance(state: SensingState, candidates: Candidates, probe: Probe, *, anywhere: bool = True) -> BoolArray:
+    """Return flags of the candidates whose approach is in the workspace and clear of the part at all modes ``(C,)``.
 
     Args:
         state: posterior of the session.
         candidates: readings to check.
-        probe: sensor model with its clearance.
-        anywhere: whether the path must also clear sampled poses of every mode.
+        probe: sensor model with its clearance [m].
+        anywhere: whether the path must also be clear of sampled poses of every mode.
     """
-    way = _way(candidates, probe)
-    ok: BoolArray = np.all(probe.workspace.clearances(way)[0] >= probe.clearance, axis=(1, 2))
-    ok &= _reached_freely(candidates, probe)
-    live = np.flatnonzero(state.weights >= _LIVE * state.weights.sum())
-    gaps = np.zeros((len(live), *way.shape[:2]))
-    for gap, k in zip(gaps, live, strict=True):
+    path = _approach_paths(candidates, probe)
+    ok: BoolArray = np.all(probe.workspace.clearances(path)[0] >= probe.clearance, axis=(1, 2))
+    ok &= _clear_of_boxes(candidates, probe)
+    modes = np.flatnonzero(state.weights >= _LEAST_PROBABILITY * state.weights.sum())
+    gaps = np.zeros((len(modes), *path.shape[:2]))
+    for gap, k in zip(gaps, modes, strict=True):
         rows = np.flatnonzero(ok)
-        gap[rows] = _distances(state.target(int(k)), SE3.inverse(state.poses[k]), way[rows], probe)
+        gap[rows] = _distances(state.target(int(k)), SE3.inverse(state.poses[k]), path[rows], probe)
         ok[rows] = gap[rows].min(axis=1) >= probe.clearance
-    return _clear_anywhere(state, live, way, gaps, ok, probe) if anywhere else ok
+    return _clear_anywhere(state, modes, path, gaps, ok, probe) if anywhere else ok
 
 
 def _clear_anywhere(
-    state: SensingState, live: IntArray, way: Vectors, gaps: FloatArray, ok: BoolArray, probe: Probe
+    state: SensingState, modes: IntArray, path: Vectors, gaps: FloatArray, ok: BoolArray, probe: Probe
 ) -> BoolArray:
-    """Return which clear paths also clear sampled poses of all modes ``(C,)``.
+    """Return flags of the paths that are also clear of sampled poses of all modes ``(C,)``.
 
-    The samples are wider than the posterior if enough paths remain; otherwise they have its spread.
+    The samples are spread more widely than the posterior if enough paths stay clear, otherwise as widely.
     """
-    w = state.weights[live] / max(state.weights.sum(), 1e-300)
+    w = state.weights[modes] / max(state.weights.sum(), 1e-300)
     counts = np.maximum(_LEAST_DRAWS, np.round(_DRAWS * w)).astype(np.int64)
     clear = ok
-    for beyond in _BEYOND:
+    for spread in _SPREADS:
         clear = ok.copy()
-        for gap, k, count in zip(gaps, live, counts, strict=True):
-            xi = beyond * even_normals(int(count))
-            clear[clear] = _clear_of_draws(state, int(k), xi, way[clear], gap[clear], probe)
+        for gap, k, count in zip(gaps, modes, counts, strict=True):
+            xi = spread * even_normals(int(count))
+            clear[clear] = _clear_of_draws(state, int(k), xi, path[clear], gap[clear], probe)
         if clear.sum() >= _ENOUGH * ok.sum():
             break
     return clear
 
 
-def _reached_freely(candidates: Candidates, probe: Probe) -> BoolArray:
-    """Return whether no forbidden box is on the path from the retreat over the start to the aim ``(C,)``.
+def _clear_of_boxes(candidates: Candidates, probe: Probe) -> BoolArray:
+    """Return flags of the candidates without a forbidden box between retreat, start and aim ``(C,)``.
 
-    A beam is a line. A touch needs its clearance until its distance from the part equals it; from there only the tip
-    counts, so that a thin part may lie on a forbidden table.
+    For a beam, the path of the sensor is checked with its clearance, and the beam as a line. A touch probe needs its
+    clearance up to that distance from the part; from there only its tip counts, so that a thin part may lie on a
+    forbidden table.
     """
     c, boxes = candidates, probe.workspace.forbidden
     aims, last = c.aims, np.maximum(c.ranges - probe.clearance, 0.0) if probe.contact else np.zeros(len(c))
     near = c.origins + last[:, None] * c.directions
-    behind = c.origins + probe.retreat * _back(c, probe)
+    retreated = c.origins + probe.retreat * _retreat_directions(c, probe)
     tip = aims - probe.radius * c.directions
-    met = [box.crossed(behind, near, probe.clearance) | box.crossed(near, tip, probe.radius) for box in boxes]
-    ok = ~np.any(met, axis=0) if boxes else np.ones(len(c), dtype=bool)
+    crossed = [box.crossed(retreated, near, probe.clearance) | box.crossed(near, tip, probe.radius) for box in boxes]
+    ok = ~np.any(crossed, axis=0) if boxes else np.ones(len(c), dtype=bool)
     if probe.contact:
         ok &= np.all(probe.workspace.clearances(near)[0] >= probe.clearance, axis=1)
         ok &= np.all(probe.workspace.clearances(aims)[0] >= 0.0, axis=1)
@@ -92,15 +93,15 @@ def _reached_freely(candidates: Candidates, probe: Probe) -> BoolArray:
 
 
 def _clear_of_draws(
-    state: SensingState, k: int, xi: FloatArray, way: Vectors, gaps: FloatArray, probe: Probe
+    state: SensingState, k: int, xi: FloatArray, path: Vectors, gaps: FloatArray, probe: Probe
 ) -> BoolArray:
-    """Return whether paths are clear of a mode's part at sampled poses ``(n,)``.
+    """Return flags of the paths that are clear of a mode's part at all sampled poses ``(n,)``.
 
     Args:
         state: posterior of the session.
         k: index of the mode.
         xi: perturbations in standard deviations ``(D, 6)``.
-        way: points of each path ``(n, P, 3)`` [m].
+        path: points of each path ``(n, P, 3)`` [m].
         gaps: distances of the points from the part at the mode's pose ``(n, P)`` [m].
         probe: sensor model with its clearance.
     """
@@ -109,40 +110,49 @@ def _clear_of_draws(
     Ts = T @ SE3.exp(xi @ (vectors * np.sqrt(values.clip(0.0))).T)
     corners = box_corners(target.part)
     farthest = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max()
-    ok = np.ones(len(way), dtype=bool)
+    ok = np.ones(len(path), dtype=bool)
     rows, places = np.nonzero(gaps < probe.clearance + farthest)  # nothing moves farther than a corner of the box
-    least = _distances(target, SE3.inverse(Ts)[:, None], way[rows, places], probe).min(axis=0)
+    least = _distances(target, SE3.inverse(Ts)[:, None], path[rows, places], probe).min(axis=0)
     ok[rows[least < probe.clearance]] = False
     return ok
 
 
 def clear_at(target: PreparedPart, T: Transforms, Ts: Transforms, candidates: Candidates, probe: Probe) -> BoolArray:
-    """Return whether the approach paths are clear of a part at poses ``(S, 4, 4)`` near ``T``, as flags ``(S, C)``."""
-    way = _way(candidates, probe)
-    gaps, corners = _distances(target, SE3.inverse(T), way, probe), box_corners(target.part)
+    """Return whether each approach path is clear of a part at each of several similar poses ``(S, C)``.
+
+    Args:
+        target: the part.
+        T: central pose ``T_world_part`` ``(4, 4)``, from which the distances are computed first.
+        Ts: poses ``T_world_part`` ``(S, 4, 4)``.
+        candidates: readings to check.
+        probe: sensor model with its clearance [m].
+    """
+    path = _approach_paths(candidates, probe)
+    gaps, corners = _distances(target, SE3.inverse(T), path, probe), box_corners(target.part)
     farthest = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max(axis=1)
     s, c, p = np.nonzero(gaps < probe.clearance + farthest[:, None, None])
-    near = _distances(target, SE3.inverse(Ts[s]), way[c, p], probe) < probe.clearance
+    near = _distances(target, SE3.inverse(Ts[s]), path[c, p], probe) < probe.clearance
     ok = np.ones((len(Ts), len(candidates)), dtype=bool)
     ok[s[near], c[near]] = False
     return ok
 
 
-def _way(candidates: Candidates, probe: Probe) -> Vectors:
-    """Return points on the approach paths, the start first ``(C, P, 3)`` [m]."""
+def _approach_paths(candidates: Candidates, probe: Probe) -> Vectors:
+    """Return points on the approach paths, from the start back to the retreat, world frame ``(C, P, 3)`` [m]."""
     back = np.linspace(0.0, probe.retreat, _STEPS if probe.stylus is None else _BESIDE_WALLS)
-    return candidates.origins[:, None] + back[:, None] * _back(candidates, probe)[:, None]
+    return candidates.origins[:, None] + back[:, None] * _retreat_directions(candidates, probe)[:, None]
 
 
-def _back(candidates: Candidates, probe: Probe) -> Vectors:
-    """Return the directions of retreat ``(C, 3)``: straight back, or along a stylus, as out of a bore."""
+def _retreat_directions(candidates: Candidates, probe: Probe) -> Vectors:
+    """Return unit directions of retreat ``(C, 3)``: straight back, or along the stylus, as out of a bore."""
     return -candidates.directions if probe.stylus is None else np.broadcast_to(probe.stylus, candidates.origins.shape)
 
 
 def _distances(target: PreparedPart, to_part: Transforms, points: Vectors, probe: Probe) -> FloatArray:
     """Return lower bounds of the distances of world points from the surface, negative inside [m].
 
-    They are those of the grid less its error. For a stylus they are exact where the grid does not decide the clearance.
+    They are the values of the distance grid minus its error. For a stylus, the exact distance replaces them where the
+    error of the grid matters for the clearance.
     """
     local = SE3.apply(to_part, points)
     distances = np.asarray(target.field(local)[0] - 0.5 * target.field.step)

@@ -1,4 +1,4 @@
-"""Interface of policies: their input, their choice, and the protocol."""
+"""Interface of policies, which choose the next reading: input, choice and protocol."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tanteo.planning.state import SensingState
 from tanteo.words import Finding
 
 SharedOf: TypeAlias = Callable[[Candidates], SharedAhead | None]
-"""Function that returns the shared errors of candidates, or None without any."""
+"""Function that returns the shared errors of candidates, or None if they have none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,15 +25,15 @@ class DecisionContext:
 
     Attributes:
         state: posterior of the session.
-        candidates: readings to choose from, at least one.
+        candidates: candidate readings, at least one.
         probe: sensor model.
         place: position of the probe, world frame ``(3,)`` [m]; None before the first reading.
-        tolerance: tolerance of the goal [m], below which more accuracy has no value; None without one.
+        tolerance: tolerance of the goal [m], beyond which more accuracy has no value; None without one.
         count: number of readings so far.
-        seed: seed of policies that draw.
-        part_only: whether the goal demands the part but no pose.
-        part_open: whether the goal demands the part and it is not known yet.
-        feature: feature that has to keep the tolerance instead of the corners; None for the corners.
+        seed: seed of policies with random choices.
+        part_only: whether the goal demands the identity of the part but not its pose.
+        part_open: whether the goal demands the identity of the part, which is not certain enough yet.
+        feature: feature to which the tolerance applies; None for the corners of the part's box.
         shared: function that returns the shared errors of candidates; None if only the probe models them.
     """
 
@@ -60,7 +60,7 @@ class DecisionContext:
         return self.probe.seconds + self.travel() / self.probe.speed
 
     def aims(self) -> Vectors:
-        """Return the points at which the candidates should meet the surface, world frame ``(C, 3)`` [m]."""
+        """Return the points at which the candidates should hit the surface, world frame ``(C, 3)`` [m]."""
         return self.candidates.aims
 
 
@@ -69,10 +69,10 @@ class Choice:
     """Choice of a policy.
 
     Attributes:
-        index: index of the candidate.
+        index: index of the chosen candidate.
         gain: expected information [nats]; NaN if the policy does not compute it.
-        reason: why the policy chose it.
-        seconds: duration [s]; None if the policy does not weigh it.
+        reason: reason of the choice, for the user.
+        seconds: duration of the reading [s]; None if the policy does not consider durations.
     """
 
     index: int
@@ -82,7 +82,7 @@ class Choice:
 
 
 class Policy(Protocol):
-    """A rule that chooses the next reading."""
+    """Rule that chooses the next reading."""
 
     @property
     def name(self) -> str:
@@ -90,5 +90,9 @@ class Policy(Protocol):
         ...
 
     def choose(self, context: DecisionContext) -> Choice:
-        """Return the choice among the candidates."""
+        """Return the chosen candidate.
+
+        Args:
+            context: posterior, candidates and goal.
+        """
         ...

@@ -23,38 +23,39 @@ _CANDIDATES = 800
 """Number of candidates of a plan."""
 
 _LEAST = 40
-"""Least number of candidates that stay although they rarely meet their faces."""
+"""Smallest number of candidates that are kept even if they often miss their faces."""
 
 _TINY = 1e-9
-"""Fraction of the variances that stays along motions that symmetry makes irrelevant."""
+"""Fraction of the variance that is kept along motions that the symmetry of the part makes irrelevant."""
 
 _EXACT = 1e-7
-"""Standard deviation in place of zero, if a robot is exact in position or in rotation only [m, rad]."""
+"""Smallest standard deviation of the robot's position and rotation, so that covariances are invertible [m, rad]."""
 
 _POSES = 2048
-"""Number of poses for the probability of the tolerance."""
+"""Number of sampled poses for the probability of the tolerance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Design:
-    """Candidates as rows of a linear problem in pose perturbation, bias and robot base, ``D`` states in all.
+    """Linear model of a plan: each candidate reading measures one combination of ``D`` states.
 
-    Bias and base are states only if the probe has these errors.
+    The states are the perturbation of the pose, the bias of the sensor and the error of the robot base. Bias and base
+    are states only if the probe has these errors.
 
     Attributes:
         target: the part.
         probe: sensor model.
         candidates: candidate readings.
         faces: index of the face of each candidate ``(N,)``.
-        points: met points, world frame ``(N, 3)`` [m].
-        rows: Jacobian over pose, bias and base ``(N, D)``.
-        variances: independent variance of each candidate ``(N,)`` [m^2].
+        points: points at which the candidates hit the surface, world frame ``(N, 3)`` [m].
+        rows: Jacobian of each range over the states ``(N, D)``.
+        variances: variance of the independent error of each candidate ``(N,)`` [m^2].
         prior: prior covariance of the states ``(D, D)``.
         limit: covariance of the pose in the limit of infinitely many readings ``(6, 6)``.
-        places: places that have to keep the tolerance.
-        moves: Jacobian of these places over the pose ``(K, 3, 6)``.
-        chosen_by: placements for the choice of readings.
-        judged_by: independent placements for the evaluation of the choice.
+        places: points to which the tolerance applies.
+        moves: Jacobian of these points over the pose ``(K, 3, 6)``.
+        chosen_by: sampled placements by which readings are chosen.
+        judged_by: independent placements by which the choice is evaluated.
     """
 
     target: PreparedPart
@@ -72,44 +73,44 @@ class Design:
     judged_by: Placements
 
     def after(self, chosen: IntArray) -> Covariances:
-        """Return the covariance of the states after some readings."""
+        """Return the covariance of the states after the readings of some candidates ``(D, D)``."""
         G = self.rows[chosen]
         return np.asarray(np.linalg.inv(np.linalg.inv(self.prior) + (G.T / self.variances[chosen]) @ G))
 
     def pose(self, C: Covariances) -> Covariances:
-        """Return the covariance of the pose."""
+        """Return the covariance of the pose as the first block of that of the states ``(6, 6)``."""
         return C[:6, :6]
 
     def cost(self, squares: FloatArray) -> FloatArray:
-        """Return the cost of mean square errors of the places ``(*batch, K)``, which weights the worst most."""
+        """Return the 4-norm of the points' mean square errors ``(*batch, K)``, in which the worst has most weight."""
         return np.asarray(np.sum(squares**4, axis=-1) ** 0.25)
 
     def squares(self, C: Covariances) -> FloatArray:
-        """Return the mean square error of every place ``(K,)`` [m^2]."""
+        """Return the mean square error of every point for a covariance of the states ``(K,)`` [m^2]."""
         return np.einsum("cij,jk,cik->c", self.moves, self.pose(C), self.moves)
 
     def cost_of(self, chosen: list[int]) -> float:
-        """Return the cost after some readings."""
+        """Return the cost after the readings of some candidates."""
         return float(self.cost(self.squares(self.after(np.array(chosen)))))
 
     def with_each(self, C: Covariances) -> FloatArray:
-        """Return the cost after each candidate is added ``(N,)``."""
+        """Return the cost for a covariance of the states after each candidate is added ``(N,)``."""
         c = self.rows @ C
         s = np.sum(c * self.rows, axis=1) + self.variances
         moved = np.einsum("cij,nj->nci", self.moves, c[:, :6])
         return self.cost(self.squares(C) - np.sum(moved**2, axis=-1) / s[:, None])
 
     def chance(self, C: Covariances, tolerance: float) -> float:
-        """Return the probability that all places keep a tolerance."""
+        """Return the probability that all points are within a tolerance, for a covariance of the states."""
         values, vectors = np.linalg.eigh(self.pose(C))
         xi = even_normals(_POSES) @ (vectors * np.sqrt(values.clip(0.0))).T
         return float(np.mean(self._off(xi) <= tolerance))
 
     def kept(self, chosen: IntArray, tolerance: float) -> float:
-        """Return the probability of the tolerance over all placements; only readings that meet their faces count."""
+        """Return the probability of the tolerance over the placements; only readings that hit their faces count."""
         out, known, total = self.judged_by, np.linalg.inv(self.prior), 0.0
-        for met, k in out.patterns(chosen):
-            C = self.after(chosen[met])
+        for hit, k in out.patterns(chosen):
+            C = self.after(chosen[hit])
             rest = C @ known  # part of the prior error that no reading observes
             values, vectors = np.linalg.eigh(C - rest @ C)
             noise = out.noise[k] @ (vectors * np.sqrt(values.clip(0.0))).T
@@ -117,53 +118,53 @@ class Design:
         return float(total / (len(out) * out.noise.shape[1]))
 
     def _off(self, xi: FloatArray) -> FloatArray:
-        """Return the largest displacement of a place at perturbations of the pose ``(*batch, 6)`` [m]."""
+        """Return the largest displacement of a point at perturbations of the pose ``(*batch, 6)`` [m]."""
         return np.asarray(np.linalg.norm(np.einsum("cij,...j->...ci", self.moves, xi), axis=-1).max(axis=-1))
 
     def lost_with_each(self, chosen: list[int], tolerance: float) -> FloatArray:
-        """Return the approximate probability that the tolerance is missed after each candidate is added ``(N,)``."""
+        """Return the approximate probability of a missed tolerance after each candidate is added ``(N,)``."""
         by, lost = self.chosen_by, np.zeros(len(self.rows))
         rows = np.array(chosen, dtype=np.int64)
-        for met, k in by.patterns(rows):
-            C, meets = self.after(rows[met]), by.meets[k].sum(axis=0)
+        for hit, k in by.patterns(rows):
+            C, meets = self.after(rows[hit]), by.meets[k].sum(axis=0)
             without = self._lost(self.cost(self.squares(C)), tolerance)
             lost += meets * self._lost(self.with_each(C), tolerance) + (len(k) - meets) * without
         return lost / len(by)
 
     def _lost(self, costs: FloatArray, tolerance: float) -> FloatArray:
-        """Return the probability that an error in space with given mean squares exceeds the tolerance."""
+        """Return the probability that an isotropic error in space with given mean squares exceeds the tolerance."""
         from scipy.special import gammaincc  # slow to import
 
         return np.asarray(gammaincc(1.5, 1.5 * tolerance**2 / costs))
 
     def promise(self, chosen: IntArray, tolerance: float) -> Promise:
-        """Return the probabilities of some readings, see :class:`Promise`."""
-        if_met = self.chance(self.after(chosen), tolerance)
-        shares = (of[:, chosen].all(axis=1).mean() for of in (self.judged_by.meets, self.judged_by.room))
-        return Promise(self.kept(chosen, tolerance), if_met, *map(float, shares))
+        """Return the probabilities of success of some candidates, see :class:`Promise`."""
+        if_all_hit = self.chance(self.after(chosen), tolerance)
+        fractions = (of[:, chosen].all(axis=1).mean() for of in (self.judged_by.meets, self.judged_by.clear))
+        return Promise(self.kept(chosen, tolerance), if_all_hit, *map(float, fractions))
 
     def best(self, tolerance: float) -> float:
         """Return the probability of the tolerance with all candidates together."""
         return self.kept(np.arange(len(self.rows)), tolerance)
 
     def steadied(self) -> Design:
-        """Return the problem with larger variances for candidates that often miss their faces."""
+        """Return the problem with each variance divided by the squared fraction of hits, which prefers sure hits."""
         share = np.maximum(self.chosen_by.meets.mean(axis=0), 1 / len(self.chosen_by))
         return replace(self, variances=self.variances / share**2)
 
 
 def design_of(
-    start: Start, probe: Probe, seed: int, feature: str | None = None, steady: float = 0.9, room: float = 0.98
+    start: Start, probe: Probe, seed: int, feature: str | None = None, steady: float = 0.9, clear: float = 0.98
 ) -> Design | None:
-    """Return the linear problem of one part at one prior pose, or None if the probe reaches no place.
+    """Return the linear model of a plan for one part at one prior pose, or None if no candidate is reachable.
 
     Args:
         start: one part at one prior pose.
         probe: sensor model.
-        seed: seed of the candidate places.
-        feature: feature that has to keep the tolerance; None for the corners of the part's box.
-        steady: least fraction of the placements at which a candidate must meet its face; lower if few do.
-        room: least fraction of the placements at which its approach must be clear; lower if few are.
+        seed: seed of the random surface points.
+        feature: feature to which the tolerance applies; None for the corners of the part's box.
+        steady: fraction of the placements at which a candidate must hit its face; less if few candidates satisfy this.
+        clear: fraction of the placements at which its approach must be clear; less if few candidates satisfy this.
     """
     target, T = start.targets[0], start.Ts[0]
     candidates = propose(begin(start), probe, _CANDIDATES, seed, anywhere=False)
@@ -171,7 +172,7 @@ def design_of(
         return None
     prior, limit = _prior(start, probe)
     chosen_by, judged_by = placements(target, T, prior, candidates, probe)
-    kept = _steadiest(chosen_by, steady, room)
+    kept = _steadiest(chosen_by, steady, clear)
     candidates = candidates.take(kept)
     ranges, cosines, faces, g = beams(target, T[None], candidates.origins, candidates.directions)
     ranges, cosines, faces, g = ranges[:, 0], cosines[:, 0], faces[:, 0], g[:, 0]
@@ -188,9 +189,9 @@ def design_of(
     )  # fmt: skip
 
 
-def _steadiest(among: Placements, steady: float, room: float) -> IntArray:
-    """Return the candidates that reach both fractions of the placements, or those nearest to them."""
-    margin = np.minimum(among.meets.mean(axis=0) - steady, among.room.mean(axis=0) - room)
+def _steadiest(among: Placements, steady: float, clear: float) -> IntArray:
+    """Return the rows of the candidates that reach both fractions of the placements, or the best ones if few do."""
+    margin = np.minimum(among.meets.mean(axis=0) - steady, among.clear.mean(axis=0) - clear)
     return np.flatnonzero(margin >= min(0.0, np.sort(margin)[::-1][min(_LEAST, len(margin)) - 1]))
 
 

@@ -1,4 +1,4 @@
-"""The best single reading to discriminate two parts, after the object is located as either of them."""
+"""Best single reading to discriminate two parts, after the object is located as either of them."""
 
 from __future__ import annotations
 
@@ -23,35 +23,36 @@ from tanteo.posterior.answers import corner_moves
 from tanteo.words.findings import NoPlaceReached, ReadingDiscriminates
 
 _PLACES = 60
-"""Number of points of the first part to which the second one is fitted."""
+"""Number of surface points of the first part to which the second part is fitted."""
 
 _AGREE = 0.02
 """Standard deviation of that fit, as a fraction of the part's diagonal."""
 
 _FITTED = np.full(8, 3.0)
-"""Robust scales of the successive steps of the fit, as multiples of its standard deviation."""
+"""Robust scales of the successive steps of the fit that distributes the differences, as multiples of its standard
+deviation."""
 
 _CLOSER, _SAME, _AS_MUCH = np.geomspace(3.0, 0.02, 24), 5e-5, 0.05
-"""Robust scales of a fit that maximizes the common surface, distance of common points [m], and difference of the common
-fractions that counts as equal."""
+"""Robust scales of the fit that maximizes the common surface, as multiples of the standard deviation; largest distance
+of common points [m]; and difference of the common fractions within which poses count as equally similar."""
 
 _SAMPLES = 48
 """Number of samples for each relative pose of each part."""
 
 _TWINS = 4
-"""Number of relative poses of the two parts."""
+"""Largest number of relative poses of the two parts from the search."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Discrimination:
-    """Best reading to discriminate two parts.
+    """Best single reading to discriminate two parts.
 
     Attributes:
-        parts: names of the parts.
+        parts: names of the two parts.
         origin: start of the beam or motion, frame of the first part ``(3,)`` [m].
         direction: unit direction, frame of the first part ``(3,)``.
         ranges: expected range for the first and the second part ``(2,)`` [m]; infinite for a miss.
-        sds: standard deviations of these ranges ``(2,)`` [m].
+        sds: standard deviations of the two ranges ``(2,)`` [m].
         T_first_second: pose of the second part in the frame of the first ``(4, 4)``.
         information: expected information about the part [nats], at most ln 2.
         finding: result as a typed finding.
@@ -68,7 +69,7 @@ class Discrimination:
 
     @property
     def message(self) -> str:
-        """The finding in words."""
+        """Text of the finding."""
         return self.finding.message
 
     @property
@@ -80,17 +81,17 @@ class Discrimination:
 def discriminate(
     first: PreparedPart | Part, second: PreparedPart | Part, probe: Probe, sd: float = 2e-4, seed: int = 0
 ) -> Discrimination:
-    """Return the reading with the most information about which of two parts is present.
+    """Find the single reading that best discriminates two parts.
 
-    The second part is at the pose at which it is most similar to the first. If there are several such poses, the
-    reading maximizes the information of the worst one.
+    The second part is placed where it is most similar to the first. If there are several such poses, the reading
+    maximizes the information for the least favourable one.
 
     Args:
         first: one part.
         second: the other part.
         probe: sensor model.
-        sd: standard deviation of the located part at its corners [m].
-        seed: seed of the candidate places.
+        sd: standard deviation of the part's pose at the corners of its box [m].
+        seed: seed of the random surface points.
 
     Example:
         >>> left, right = (tanteo.read_part(f"parts/bracket_{side}.step") for side in ("left", "right"))
@@ -99,7 +100,7 @@ def discriminate(
         True
     """
     first, second = prepare_all("parts", (first, second))
-    twins = laid_on(first, second)
+    twins = most_similar_poses(first, second)
     start = Start(
         (first, second),
         np.array([0] + [1] * len(twins)),
@@ -116,9 +117,9 @@ def discriminate(
         return Discrimination(
             names, nowhere, nowhere, nowhere[:2], nowhere[:2], twins[0], 0.0, NoPlaceReached(names)
         )  # fmt: skip
-    told = _told(state, candidates, probe, len(twins))
-    k = int(np.lexsort((told.sum(axis=0), told.min(axis=0)))[-1])
-    twin = int(np.argmin(told[:, k]))
+    information = _information(state, candidates, probe, len(twins))
+    k = int(np.lexsort((information.sum(axis=0), information.min(axis=0)))[-1])
+    twin = int(np.argmin(information[:, k]))
     here = draw(begin(start), 1)  # the mean of every mode
     seen = predict(here, candidates.origins[k : k + 1], candidates.directions[k : k + 1], probe)
     rows = [int(np.flatnonzero(here.mode == mode)[0]) for mode in (0, 1 + twin)]
@@ -126,16 +127,16 @@ def discriminate(
     answers = probe.answers(ranges, seen.cosines[0, rows])
     own = probe.variance(np.where(answers, ranges, 1.0), np.where(answers, seen.cosines[0, rows], 1.0))
     sds = np.sqrt(own + seen.variances[0, rows] + seen.scatter[0, rows])
-    ranges, echoes = np.where(answers, ranges, np.inf), _echoes(state, candidates.take(np.array([k])), probe)
+    ranges, echoes = np.where(answers, ranges, np.inf), _echo_rates(state, candidates.take(np.array([k])), probe)
     both, (a, b) = (float(ranges[0]), float(ranges[1])), echoes[[0, 1 + twin]]
-    finding = ReadingDiscriminates(names, both, (float(a), float(b)), float(told[twin, k]))
+    finding = ReadingDiscriminates(names, both, (float(a), float(b)), float(information[twin, k]))
     return Discrimination(
         names, candidates.origins[k], candidates.directions[k], ranges, sds,
-        twins[twin], float(told[twin, k]), finding,
+        twins[twin], float(information[twin, k]), finding,
     )  # fmt: skip
 
 
-def _told(state: SensingState, candidates: Candidates, probe: Probe, twins: int) -> FloatArray:
+def _information(state: SensingState, candidates: Candidates, probe: Probe, twins: int) -> FloatArray:
     """Return the information of each reading for each relative pose of the second part ``(k, C)`` [nats]."""
     samples = draw(state, _SAMPLES * (1 + twins))
     predicted = predict(samples, candidates.origins, candidates.directions, probe)
@@ -149,8 +150,8 @@ def _told(state: SensingState, candidates: Candidates, probe: Probe, twins: int)
     return np.minimum(out, np.log(2))
 
 
-def _echoes(state: SensingState, one: Candidates, probe: Probe) -> FloatArray:
-    """Return how often a reading by a cone has an echo at every mode; 1 for a thin beam."""
+def _echo_rates(state: SensingState, one: Candidates, probe: Probe) -> FloatArray:
+    """Return the probability of an echo at every mode ``(M,)``; 1 for a thin beam."""
     if not has_cone(probe):
         return np.ones(len(state.weights))
     samples = draw(state, _SAMPLES * len(state.weights))
@@ -158,11 +159,15 @@ def _echoes(state: SensingState, one: Candidates, probe: Probe) -> FloatArray:
     return np.asarray(np.bincount(samples.mode, echo) / np.bincount(samples.mode))
 
 
-def laid_on(first: PreparedPart, second: PreparedPart) -> Transforms:
-    """Return the poses of the second part in the frame of the first at which both are most similar ``(k, 4, 4)``.
+def most_similar_poses(first: PreparedPart, second: PreparedPart) -> Transforms:
+    """Return the poses of the second part, in the frame of the first, at which both are most similar ``(k, 4, 4)``.
 
-    One criterion distributes the differences over the whole surface. The other maximizes the common surface, so that
-    the differences are in one place, as if the object was located by the common faces.
+    Two criteria are used. One distributes the differences over the whole surface. The other maximizes the common
+    surface, as if the object were located by the common faces, so that the differences are in one place.
+
+    Args:
+        first: one part.
+        second: the other part.
     """
     points, normals = first.samples[:_PLACES], first.normals[:_PLACES]
     sd = _AGREE * first.part.diagonal
@@ -191,6 +196,11 @@ def _distinct(part: PreparedPart, Ts: Transforms) -> Transforms:
 
 
 def located(target: PreparedPart, sd: float) -> Covariances:
-    """Return a pose covariance with about a given standard deviation at the corners ``(6, 6)``."""
+    """Return a pose covariance with about a given standard deviation at the corners of the box ``(6, 6)`` [m, rad].
+
+    Args:
+        target: the part.
+        sd: standard deviation of a corner [m].
+    """
     J = corner_moves(target.part)
     return np.asarray(sd**2 * 3 / 6 * np.linalg.inv(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0)))

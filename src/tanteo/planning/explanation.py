@@ -19,7 +19,7 @@ from tanteo.posterior.fit_at_mode import face_names, goodness_of_fit, informatio
 from tanteo.words import Motion
 
 _FORGOTTEN = np.exp(-DEFAULTS.search.negligible)
-"""Upper bound of the probability of a part that the posterior does not list any more."""
+"""Upper bound of the probability of a part that the search has discarded."""
 
 
 class Observation(Protocol):
@@ -46,21 +46,22 @@ class Added:
     """Information of the readings of one step.
 
     Attributes:
-        ids: names of the readings.
-        met: face of the final answer's part that each reading met, ``nothing``, or ``nothing of it`` for an outlier.
-        part: name of the most probable part after the step; empty for none.
+        ids: names of the readings of the step.
+        faces: face of the answer's part that each reading hit; ``nothing of it`` for an outlier, ``nothing`` for a
+            free-space ray.
+        part: name of the most probable part after the step; empty if no part explains the readings.
         probability: probability of that part.
         about_part: information about the part: relative entropy of the probabilities after and before [nats].
         about_pose: information about the pose: half the log of the ratio of the covariances' determinants [nats]; NaN
             if the most probable part has changed.
-        motion: motion of the part whose uncertainty decreased most; None if none did.
-        narrowed: standard deviation along it after the step over that before; NaN without a motion.
+        motion: motion of the part whose uncertainty decreased most; None if no uncertainty decreased.
+        narrowed: ratio of the standard deviations along that motion after and before the step; NaN without a motion.
         corner_sd_before: largest corner sd of the same part before the step, over all its possible poses [m].
         corner_sd: largest corner sd after the step [m].
     """
 
     ids: tuple[str, ...]
-    met: tuple[str, ...]
+    faces: tuple[str, ...]
     part: str
     probability: float
     about_part: float
@@ -79,10 +80,10 @@ class Direction:
     error.
 
     Attributes:
-        motion: the motion.
+        motion: motion of the part along the direction.
         moves: root mean square displacement of the corners for one standard deviation [m].
         shares: name of each reading and its fraction of the information along the motion, largest first.
-        prior: fraction of the prior; all fractions sum to one.
+        prior: fraction of the information that comes from the prior; all fractions sum to one.
     """
 
     motion: Motion
@@ -108,21 +109,21 @@ class Explanation:
 
 
 def explain(state: SensingState, steps: Sequence[Observation]) -> Explanation:
-    """Return the information of each step and the support of the answer.
+    """Explain which readings determine the part and the pose of a session's answer.
 
     Args:
         state: final state of the session.
         steps: steps of the session, in order.
     """
-    start, met = state.start, _met(state)
+    start, face_of = state.start, _hit_faces(state)
     before: list[Observation | None] = [None, *steps][: len(steps)]
-    added = tuple(_added(start, a, b, met) for a, b in zip(before, steps, strict=True))
+    added = tuple(_added(start, a, b, face_of) for a, b in zip(before, steps, strict=True))
     name = state.target(0).part.name if len(state.weights) else ""
     return Explanation(name, added, _directions(state))
 
 
-def _met(state: SensingState) -> dict[str, str]:
-    """Return the names of the faces that the readings met if the best mode is true, by reading."""
+def _hit_faces(state: SensingState) -> dict[str, str]:
+    """Return the name of the face that each reading hit if the best mode is true, by name of the reading."""
     if state.touches is None or not state.modes:
         return {} if state.touches is None else dict.fromkeys(state.touches.ids, "nothing of it")
     one = goodness_of_fit(state.modes[0])
@@ -130,19 +131,19 @@ def _met(state: SensingState) -> dict[str, str]:
     return {i: n if ok else "nothing of it" for i, n, ok in rows}
 
 
-def _added(start: Start, before: Observation | None, after: Observation, met: dict[str, str]) -> Added:
-    faces = tuple(met.get(name, "nothing") for name in after.ids)
-    told = _about_part(start, before, after)
+def _added(start: Start, before: Observation | None, after: Observation, face_of: dict[str, str]) -> Added:
+    faces = tuple(face_of.get(name, "nothing") for name in after.ids)
+    about_part = _about_part(start, before, after)
     if after.part < 0:
-        return Added(after.ids, faces, "", 0.0, told, np.nan, None, np.nan, np.nan, np.nan)
+        return Added(after.ids, faces, "", 0.0, about_part, np.nan, None, np.nan, np.nan, np.nan)
     part, old = start.targets[after.part].part, _covariance_before(start, before, after.part)
     P, sd = float(after.probabilities[after.part]), after.corner_sd
     if old is None:
-        return Added(after.ids, faces, part.name, P, told, np.nan, None, np.nan, np.nan, sd)
+        return Added(after.ids, faces, part.name, P, about_part, np.nan, None, np.nan, np.nan, sd)
     shrunk = 0.5 * float(np.linalg.slogdet(old)[1] - np.linalg.slogdet(after.covariance)[1])
     motion, narrowed = _narrowed(part, old, after)
     sd_before = _rough_corner_sd(start, after.part) if before is None else before.corner_sd
-    return Added(after.ids, faces, part.name, P, told, shrunk, motion, narrowed, sd_before, sd)
+    return Added(after.ids, faces, part.name, P, about_part, shrunk, motion, narrowed, sd_before, sd)
 
 
 def _rough_corner_sd(start: Start, part: int) -> float:
@@ -153,7 +154,7 @@ def _rough_corner_sd(start: Start, part: int) -> float:
 
 
 def _about_part(start: Start, before: Observation | None, after: Observation) -> float:
-    """Return the relative entropy of the probabilities of parts and unknown object to those before [nats]."""
+    """Return the relative entropy of the probabilities after a step to those before it [nats]."""
     P = np.bincount(start.part, weights=start.weights, minlength=len(start.targets)) * (1 - start.priors.unknown)
     prior = np.r_[P, start.priors.unknown] if before is None else np.r_[before.probabilities, before.unknown]
     now = np.r_[after.probabilities, after.unknown]
@@ -170,7 +171,7 @@ def _covariance_before(start: Start, before: Observation | None, part: int) -> C
 
 
 def _narrowed(part: Part, old: Covariances, after: Observation) -> tuple[Motion | None, float]:
-    """Return the motion whose standard deviation decreased most, and the factor."""
+    """Return the motion whose standard deviation decreased most, and the ratio of the standard deviations."""
     d = np.sqrt(np.diag(old))
     L = d[:, None] * np.linalg.cholesky(old / np.outer(d, d))
     values, vectors = np.linalg.eigh(np.linalg.solve(L, np.linalg.solve(L, after.covariance).T))
@@ -180,9 +181,9 @@ def _narrowed(part: Part, old: Covariances, after: Observation) -> tuple[Motion 
 
 
 def _directions(state: SensingState) -> tuple[Direction, ...]:
-    """Return the principal directions of the error of the box's corners, which do not depend on the part's frame.
+    """Return the principal directions of the corner errors, without the spin of a round part.
 
-    They exclude the spin of a round part.
+    Corner errors are used because they do not depend on the choice of the part's frame.
     """
     if state.touches is None or not state.modes:
         return ()

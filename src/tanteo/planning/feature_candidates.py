@@ -1,8 +1,8 @@
-"""Features as candidates: a face, edge, corner or bore, each with the few readings that acquire it.
+"""Features as candidates: face, edge, corner, or wall of a bore, each with the few readings that acquire it.
 
 The paper chooses among features, not among single readings. A face needs three readings that are far apart, an edge two
 on either side, a corner one on each of its faces, and the wall of a bore or boss five. Their joint information is more
-than that of one reading and less than the sum; the determinant of their joint covariance gives it.
+than that of one reading and less than the sum. It follows from the determinant of their joint covariance.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ class Feature:
 
     Attributes:
         kind: kind of the feature.
-        mode: index of the mode.
-        faces: indices of the part's faces that form it.
-        name: name for messages.
-        rows: indices of the candidates that acquire it, in order.
+        mode: index of the posterior mode whose part has the feature.
+        faces: indices of the part's faces that form the feature.
+        name: name of the feature for messages.
+        rows: indices of the candidates that acquire the feature, in order.
     """
 
     kind: Kind
@@ -52,7 +52,9 @@ class Feature:
 
 
 def features(state: SensingState, candidates: Candidates) -> tuple[Feature, ...]:
-    """Return the features that the candidates can acquire; single readings if they can acquire none.
+    """Return the features that the candidates can acquire.
+
+    If they can acquire none, each candidate alone counts as a feature.
 
     Args:
         state: posterior of the session.
@@ -90,7 +92,7 @@ class _On:
     place: dict[int, Vectors]
 
     def name(self, faces: Sequence[int]) -> str:
-        """Return the names of one or several faces."""
+        """Return the names of one or several faces as text."""
         *others, last = (self.part.faces[f].name for f in faces)
         return f"{', '.join(others)} and {last}" if others else last
 
@@ -143,7 +145,7 @@ def _faces_at(part: Part, corner: int) -> list[int]:
 
 
 def _apart(rows: IntArray, place: dict[int, Vectors], count: int) -> IntArray:
-    """Return some candidates far from each other, by farthest point sampling."""
+    """Return ``count`` candidates far from each other, by farthest-point sampling."""
     x = np.stack([place[int(k)] for k in rows])
     chosen = [int(np.argmax(np.linalg.norm(x - x.mean(axis=0), axis=1)))]
     while len(chosen) < count:
@@ -171,11 +173,11 @@ def joint_information(
 ) -> FloatArray:
     """Return the joint information of the readings of each feature about part and pose ``(F,)`` [nats].
 
-    The information about the pose comes from determinants, as far as it matters for the tolerance, given the feature's
-    mode. That about the mode is the information of the best reading, a lower bound for all of them.
+    The information about the pose, given the feature's mode, is that part of the decrease of entropy that matters for
+    the tolerance (:func:`shrunk`). The information about the mode is that of the best single reading, a lower bound.
 
     Args:
-        found: the features.
+        found: features of the candidates.
         samples: samples of the posterior.
         predicted: predicted readings for the samples.
         context: input of the policy.
@@ -203,13 +205,16 @@ def joint_information(
 
 
 def shrunk(G: FloatArray, R: FloatArray, whole: FloatArray, useful: FloatArray) -> float:
-    """Return half the log of the ratio of the readings' determinants with and without the useful covariance.
+    """Return the useful information of several readings about the pose [nats].
+
+    It is half the log of the ratio of the determinants of their predictive covariances, with the complete covariance of
+    the pose and without its useful part.
 
     Args:
         G: Jacobian of the readings over the pose ``(n, 6)``.
         R: covariance of the readings given the pose ``(n, n)``.
         whole: covariance of the pose ``(6, 6)``.
-        useful: its useful part ``(6, 6)``.
+        useful: part of that covariance whose removal has a value for the goal ``(6, 6)``.
     """
     if not len(G):
         return 0.0

@@ -1,7 +1,7 @@
 """Measures of the expected information of one reading (``math.md`` section 11).
 
-Under hypothesis ``h`` of weight ``w_h`` the reading is normal with mean ``mu_h`` and covariance ``S_h``. All
-information is in nats.
+The weight of hypothesis ``h`` is ``w_h``. Under it the reading is normal with mean ``mu_h`` and covariance ``S_h``.
+All information is in nats.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import Covariances, FloatArray, Vectors
 
 _REACH = 12.0
-"""Half width of the integral in standard deviations; the trapezoid rule is exact to rounding over it."""
+"""Half width of the interval of integration [standard deviations]; over it the trapezoid rule is exact to rounding."""
 _STEP = 0.125
-"""Step of the trapezoid rule in the smallest standard deviation."""
+"""Step of the trapezoid rule, as a multiple of the smallest standard deviation."""
 _PANEL = 0.25
-"""Width of a panel in standard deviations, if the variances differ too much for one step."""
+"""Width of a quadrature panel [standard deviations], used if the variances differ too much for one step."""
 
 
 def kl_divergence(m1: Vectors, S1: Covariances, m2: Vectors, S2: Covariances) -> FloatArray:
@@ -49,10 +49,10 @@ def _half_log_det(S: Covariances) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AcceptProbability:
-    """Probability that a gate accepts a hypothesis with a wrong prediction.
+    """Probability that a chi-square gate accepts a hypothesis with a wrong prediction.
 
     Attributes:
-        noncentrality: squared Mahalanobis distance of the predictions ``(*batch,)``.
+        noncentrality: squared Mahalanobis distance between wrong and true prediction ``(*batch,)``.
         p: probability of acceptance ``(*batch,)``.
     """
 
@@ -61,12 +61,14 @@ class AcceptProbability:
 
 
 def accept_probability(delta: Vectors, S: Covariances, significance: float) -> AcceptProbability:
-    """Return the probability that the gate (25), in its joint form, accepts a wrong hypothesis.
+    """Return the probability that the chi-square gate of the paper's equation (25) accepts a wrong hypothesis.
+
+    The gate is used in its joint form, over all ``m`` components of a reading.
 
     Args:
-        delta: difference of the predictions of both hypotheses ``(*batch, m)``.
-        S: covariance of both ``(*batch, m, m)``.
-        significance: rejected fraction of true matches.
+        delta: difference between the predictions of the wrong and the true hypothesis ``(*batch, m)``.
+        S: covariance of a reading under either hypothesis ``(*batch, m, m)``.
+        significance: fraction of true matches that the gate rejects.
     """
     from scipy.special import chndtr  # slow to import
 
@@ -77,14 +79,14 @@ def accept_probability(delta: Vectors, S: Covariances, significance: float) -> A
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GateDiscrimination:
-    """Measures of one scalar reading that discriminates hypotheses.
+    """Measures of how well one scalar reading discriminates hypotheses.
 
     Attributes:
         accept: ``A_ij``, probability that hypothesis ``j`` passes the gate when ``i`` is true ``(n, n)``.
         expected_remaining: expected number of hypotheses after the gate.
         mutual_information: exact mutual information of hypothesis and reading [nats].
-        mi_lower: pairwise lower bound of it, by which readings are chosen [nats].
-        mi_upper: pairwise upper bound [nats].
+        mi_lower: pairwise lower bound of the mutual information, by which readings are chosen [nats].
+        mi_upper: pairwise upper bound of the mutual information [nats].
         error_bound: bound on the probability of a wrong hypothesis after the reading.
     """
 
@@ -104,11 +106,11 @@ def gate_discrimination(
     Args:
         weights: weights of the hypotheses that sum to one ``(n,)``.
         means: predicted readings ``(n,)``.
-        variances: their variances, positive ``(n,)``.
+        variances: variances of the predicted readings, positive ``(n,)``.
         significance: significance level of the gate.
 
     Raises:
-        InputError: the weights are no distribution, or a variance is not positive.
+        InputError: the weights are not a probability distribution, or a variance is not positive.
     """
     w, mu, var = _check(weights, means, variances)
     accept = accept_matrix(mu, var, significance)
@@ -126,7 +128,13 @@ def gate_discrimination(
 
 
 def accept_matrix(means: FloatArray, variances: FloatArray, significance: float) -> FloatArray:
-    """Return ``A_ij``, the probability that the gate of hypothesis ``j`` accepts a reading drawn from ``i``."""
+    """Return the matrix ``A_ij``: probability that the gate of hypothesis ``j`` accepts a reading of hypothesis ``i``.
+
+    Args:
+        means: predicted readings ``(n,)``.
+        variances: variances of the predicted readings ``(n,)``.
+        significance: fraction of true readings that the gate rejects.
+    """
     from scipy.special import ndtr  # slow to import
 
     D = np.sqrt(chi2_limit(significance))
@@ -140,9 +148,9 @@ def accept_matrix(means: FloatArray, variances: FloatArray, significance: float)
 
 
 def information_bounds(weights: FloatArray, means: FloatArray, variances: FloatArray) -> tuple[float, float]:
-    """Return lower and upper bound of the mutual information (Kolchinsky and Tracey 2017) [nats].
+    """Return the lower and the upper bound of Kolchinsky and Tracey (2017) on the mutual information [nats].
 
-    Readings are chosen by the lower bound, whose ranking equals that of the exact value in nine of ten random cases.
+    Readings are chosen by the lower bound. In nine of ten random cases it ranks them like the exact value.
     """
     w, mu, var = _check(weights, means, variances)
     KL = 0.5 * ((mu[:, None] - mu) ** 2 / var + var[:, None] / var - 1 + np.log(var / var[:, None]))
@@ -164,7 +172,7 @@ def mutual_information(weights: FloatArray, means: FloatArray, variances: FloatA
     """Return the mutual information of hypothesis and reading [nats], exact to rounding.
 
     The term of each hypothesis is integrated over its own 12 standard deviations, by the trapezoid rule or, if others
-    are much sharper, by panels. No entropies of opposite sign cancel.
+    are much sharper, by Gauss-Legendre panels. The integrand avoids the cancellation of a difference of entropies.
     """
     w, mu, var = _check(weights, means, variances)
     sd, total = np.sqrt(var), 0.0
@@ -197,7 +205,7 @@ def _nodes(mu: FloatArray, sd: FloatArray, k: int) -> tuple[FloatArray, FloatArr
 def _check(weights: FloatArray, means: FloatArray, variances: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     w, mu, var = (np.asarray(a, dtype=np.float64) for a in (weights, means, variances))
     if np.any(w < 0) or abs(w.sum() - 1) > 1e-6:
-        raise InputError(f"weights: expected a distribution that sums to 1, got {w.tolist()}. Normalise them.")
+        raise InputError(f"weights: expected a distribution that sums to 1, got {w.tolist()}. Normalize them.")
     if not np.all(var > 0):
         raise InputError(f"variances: expected positive numbers, got {var.tolist()}. Add the sensor's own variance.")
     return w, mu, var

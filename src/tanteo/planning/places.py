@@ -1,4 +1,4 @@
-"""Points of a part that have to keep a tolerance: the corners of its box, or one feature by name.
+"""Points of a part to which a tolerance applies: the corners of its box, or one feature by name.
 
 A feature counts in the directions in which its displacement is visible: a face along its normal, an edge across its
 direction, and a vertex in all directions.
@@ -20,13 +20,13 @@ from tanteo.posterior.answers import point_moves
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Places:
-    """Points of a part, each with the directions in which it counts.
+    """Points of a part to which a tolerance applies, with the directions in which it applies.
 
     Attributes:
-        name: name for messages, ``all corners of bracket`` or ``edge 4 of bracket``.
+        name: name of the points for messages, ``all corners of bracket`` or ``edge 4 of bracket``.
         feature: name of the feature; None for the corners of the box.
         points: points, part frame ``(K, 3)`` [m].
-        across: projectors on the directions that count, part frame ``(K, 3, 3)``.
+        across: projectors on the directions in which the tolerance applies, part frame ``(K, 3, 3)``.
     """
 
     name: str
@@ -36,22 +36,26 @@ class Places:
 
     @property
     def moves(self) -> FloatArray:
-        """Jacobian of the points over the pose, in the directions that count, part frame ``(K, 3, 6)``."""
+        """Jacobian of the points over the pose, in the directions of the tolerance, part frame ``(K, 3, 6)``."""
         return np.asarray(self.across @ point_moves(self.points))
 
     def sd(self, covariance: Covariances) -> float:
-        """Return the largest standard deviation of a point in a direction that counts, for a pose covariance [m]."""
+        """Return the largest standard deviation of a point in a direction of the tolerance [m].
+
+        Args:
+            covariance: covariance of the pose, part frame ``(6, 6)`` [m, rad].
+        """
         J = self.moves
         return float(np.sqrt(np.linalg.eigvalsh(J @ covariance @ np.swapaxes(J, 1, 2)).max().clip(0.0)))
 
 
 def places_of(part: Part, feature: str | None = None) -> Places:
-    """Return the places of a feature, or the corners of the part's box.
+    """Return the points of a named feature, or the corners of the part's box.
 
     Args:
         part: the part.
-        feature: ``face 3``, ``edge 4`` or ``vertex 2``, numbered as by ``tanteo part show``. For None, and for parts
-            without this feature, the result has the corners.
+        feature: ``face 3``, ``edge 4`` or ``vertex 2``, numbered as by ``tanteo part show``. If it is None, or the
+            part has no such feature, the result has the corners.
     """
     found = None if feature is None else named_feature(part, feature)
     if found is None:
@@ -61,7 +65,7 @@ def places_of(part: Part, feature: str | None = None) -> Places:
 
 
 def check_feature(feature: str, parts: Sequence[Part] = ()) -> None:
-    """Check that a name is that of a feature, and that one of the parts has it.
+    """Check that a name is valid for a feature, and that one of the parts has this feature.
 
     Args:
         feature: name of the feature.

@@ -1,11 +1,12 @@
-"""Plans: the smallest set of readings, chosen beforehand, that places a part within a tolerance.
+"""Plans: the smallest set of readings, chosen beforehand, that locates a part within a tolerance.
 
 Near the expected pose the problem is linear: each reading adds information along one direction of the pose. An exchange
 algorithm (Fedorov 1972) chooses the set. It starts from the previous set with one more reading, and from random sets.
-It minimizes the mean square error of the corners or of the feature, with most weight on the worst point. A bias is a
-state of its own, so that shared errors do not average out, and the robot's absolute error is added at the end.
+It minimizes the mean square error of the corners or of the feature, with most weight on the worst point. The bias of
+the sensor and the error of the robot base are states of the problem, because readings that share them do not average
+them out.
 
-Then placements of the part are sampled from the prior. At each of them only the readings that meet their faces count.
+Then placements of the part are sampled from the prior. At each of them only the readings that hit their faces count.
 Readings are exchanged and added until the tolerance holds over all placements.
 """
 
@@ -37,23 +38,24 @@ from tanteo.words.findings import (
 )
 
 _BETTER = 10.0
-"""Factor of a hypothetical better prior, to test whether the prior prevents the goal."""
+"""Factor by which the prior standard deviations are divided to test whether the prior prevents the goal."""
 
 _LESS_STEADY = (0.8, 0.95), (0.5, 0.9)
-"""Fractions of the placements at which a reading must meet its face, and be clear, if stricter ones do not suffice."""
+"""Pairs of fractions of the placements at which a reading must hit its face and be clear, tried in this order after the
+stricter defaults."""
 
 _WORTH = 0.02
-"""Least increase of the probability by such readings, if they do not suffice either."""
+"""Smallest gain of probability that justifies the weaker fractions if they do not reach the goal either."""
 
 _DOUBTFUL = 0.5
-"""Probability of the tolerance, and fraction of placements at which a reading meets its face. A plan with less of both
-does not count."""
+"""A plan does not count as reached if the probability of the tolerance and the smallest fraction of hits are below
+this."""
 
 _FREE = 0.99
-"""Fraction of placements with free starts above which no remark is made."""
+"""Fraction of placements with clear approaches above which no remark is made."""
 
 _LESS = 0.5, 0.25, 0.1
-"""Clearances to try if no place is reached, as fractions of the stand-off."""
+"""Clearances to try if no candidate is reachable, as fractions of the stand-off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,15 +65,16 @@ class PlannedReading:
     Attributes:
         origin: start of the beam or motion, world frame ``(3,)`` [m].
         direction: unit direction, world frame ``(3,)``.
-        point: expected point on the surface, world frame ``(3,)`` [m].
+        point: point expected on the surface, world frame ``(3,)`` [m].
         face: name of the face.
-        covariance: covariance of the pose after it, part frame ``(6, 6)`` [m, rad].
-        corner_sd: largest corner sd after it [m].
-        within: probability that the tolerance is kept after it, over all placements; only readings that meet their
+        covariance: covariance of the pose after this and all earlier readings, part frame ``(6, 6)`` [m, rad].
+        corner_sd: largest corner sd after this reading [m].
+        within: probability of the tolerance after this reading, over all placements; only readings that hit their
             faces count.
-        within_if_met: the same probability if it and all before meet their faces, as the covariance assumes.
-        meets: fraction of the placements at which it meets its face.
-        feature_sd: largest sd of the plan's feature after it [m]; NaN without a feature.
+        within_if_hit: probability of the tolerance if this and all earlier readings hit their faces, as the covariance
+            assumes.
+        meets: fraction of the placements at which the reading hits its face.
+        feature_sd: largest sd of the plan's feature after this reading [m]; NaN without a feature.
     """
 
     origin: Vectors
@@ -81,13 +84,13 @@ class PlannedReading:
     covariance: Covariances
     corner_sd: float
     within: float
-    within_if_met: float
+    within_if_hit: float
     meets: float
     feature_sd: float = float("nan")
 
     @property
     def sd(self) -> float:
-        """Largest sd of the corners or of the feature, whichever has to keep the tolerance [m]."""
+        """Largest sd of the points to which the tolerance applies: the corners or the feature [m]."""
         return self.corner_sd if np.isnan(self.feature_sd) else self.feature_sd
 
 
@@ -97,15 +100,15 @@ class Plan:
 
     Attributes:
         part: name of the part.
-        T_world_part: expected pose ``(4, 4)``.
+        T_world_part: expected pose of the part ``(4, 4)``.
         readings: planned readings.
         before: largest corner sd, or sd of the feature, before the first reading [m].
-        reached: whether the tolerance is kept with the confidence over all placements, by readings of which each meets
-            its face at half of the placements or more. It is also true if the prior pose suffices.
+        reached: whether the tolerance has the required confidence over all placements, and each reading hits its face
+            at half of the placements or more. It is also true if the prior pose suffices.
         findings: what the plan achieves, or why there is none.
-        feature: feature that has to keep the tolerance; None for all corners of the part's box.
-        all_meet: fraction of the placements at which every reading meets its face.
-        room: fraction of the placements at which all starts and approach paths are clear of the part.
+        feature: feature to which the tolerance applies; None for all corners of the part's box.
+        all_meet: fraction of the placements at which every reading hits its face.
+        all_clear: fraction of the placements at which all starts and approach paths are clear of the part.
     """
 
     part: str
@@ -116,11 +119,11 @@ class Plan:
     findings: tuple[Finding, ...]
     feature: str | None = None
     all_meet: float = 1.0
-    room: float = 1.0
+    all_clear: float = 1.0
 
     @property
     def message(self) -> str:
-        """The findings in words."""
+        """Text of the findings."""
         return message_of(self.findings)
 
 
@@ -133,17 +136,17 @@ def plan(
     seed: int = 0,
     feature: str | None = None,
 ) -> Plan:
-    """Return the smallest set of readings after which all corners, or a feature, keep a tolerance.
+    """Plan the smallest set of readings that locates all corners of a part, or one feature, within a tolerance.
 
     Args:
-        start: one part at one prior pose (``at_pose``).
+        start: one part at one prior pose, see :func:`at_pose`.
         probe: sensor model.
         tolerance: largest deviation of the corners of the part's box [m].
-        confidence: least probability that they keep it, over all placements.
+        confidence: required probability of the tolerance over all placements.
         max_measurements: largest number of readings.
-        seed: seed of the candidate places.
-        feature: ``face 3``, ``edge 4`` or ``vertex 2`` to place instead of the corners: a face along its normal, an
-            edge across its direction.
+        seed: seed of the random surface points.
+        feature: ``face 3``, ``edge 4`` or ``vertex 2`` to which the tolerance applies instead of the corners: for a
+            face along its normal, for an edge across its direction.
 
     Raises:
         InputError: there is more than one part or pose, a number is invalid, or the part lacks the feature.
@@ -151,7 +154,7 @@ def plan(
     Example:
         >>> import numpy as np
         >>> part = tanteo.read_part("parts/block.step")
-        >>> place = tanteo.around([part], np.eye(4), np.diag([1e-6] * 3 + [1e-4] * 3))
+        >>> place = tanteo.at_place([part], np.eye(4), np.diag([1e-6] * 3 + [1e-4] * 3))
         >>> found = tanteo.plan(place, tanteo.probe_of("keyence_il300"), tolerance=0.5e-3)
         >>> len(found.readings) >= 6
         True
@@ -159,7 +162,7 @@ def plan(
     if len(start) != 1:
         raise InputError(f"plan: expected one part at one prior pose, got {len(start)}. Plan for each.")
     if not (np.isfinite(tolerance) and tolerance > 0 and 0 < confidence < 1 and max_measurements >= 1):
-        raise InputError("plan: expected a positive tolerance, a confidence between 0 and 1 and a reading at least.")
+        raise InputError("plan: expected a positive tolerance, a confidence between 0 and 1, and at least one reading.")
     part = start.targets[0].part
     if feature is not None:
         check_feature(feature, [part])
@@ -175,8 +178,8 @@ def plan(
         wide := _too_wide_a_prior(start, probe, design, found, tolerance, confidence, seed)
     ):
         found = replace(found, findings=(wide,))
-    if found.room <= _FREE:
-        close = StartTooClose(1 - found.room, design.probe.clearance)
+    if found.all_clear <= _FREE:
+        close = StartTooClose(1 - found.all_clear, design.probe.clearance)
         found = replace(found, findings=(*found.findings, close))
     return found
 
@@ -184,13 +187,13 @@ def plan(
 def _steadiest(
     start: Start, probe: Probe, tolerance: float, confidence: float, max_measurements: int, seed: int, design: Design
 ) -> tuple[Design, IntArray, bool]:
-    """Return the strictest problem that reaches the goal, the chosen readings, and whether all candidates suffice."""
+    """Return the problem with the strictest candidates that reach the goal, the chosen rows, and if all suffice."""
     can = design.best(tolerance)
     chosen = choose(design, tolerance, confidence, max_measurements, can=can >= confidence)
-    for steady, room in _LESS_STEADY:
+    for steady, clear in _LESS_STEADY:
         if (kept := design.kept(chosen, tolerance)) >= confidence:
             break
-        other = design_of(start, probe, seed, design.places.feature, steady, room)
+        other = design_of(start, probe, seed, design.places.feature, steady, clear)
         if other is None or (best := other.best(tolerance)) < max(can, kept) + _WORTH * (best < confidence):
             continue
         now = choose(other, tolerance, confidence, max_measurements, can=best >= confidence)
@@ -206,15 +209,15 @@ def _as_plan(start: Start, design: Design, chosen: IntArray, tolerance: float, c
         pose, brings = design.pose(design.after(chosen[: n + 1])), design.promise(chosen[: n + 1], tolerance)
         place = c.origins[k], c.directions[k], design.points[k], part.faces[design.faces[k]].name
         sd = float("nan") if design.places.feature is None else design.places.sd(pose)
-        chances = brings.within, brings.if_met, float(meets[:, k].mean())
+        chances = brings.within, brings.if_all_hit, float(meets[:, k].mean())
         readings.append(PlannedReading(*place, pose, corner_sd(part, pose), *chances, sd))
     reached, before = brings.within >= confidence, design.places.sd(design.pose(design.prior))
     finding: Finding = _result(design, readings, brings, tolerance, confidence)
     worst = int(np.argmin([r.meets for r in readings]))
-    if brings.if_met >= confidence and max(readings[worst].meets, brings.within) < _DOUBTFUL:
+    if brings.if_all_hit >= confidence and max(readings[worst].meets, brings.within) < _DOUBTFUL:
         reached, finding = False, FaceOftenMissed(worst + 1, readings[worst].meets, brings.within)
     what = part.name, start.Ts[0], tuple(readings), before, reached, (finding,), design.places.feature
-    return Plan(*what, brings.all_meet, brings.room)
+    return Plan(*what, brings.all_meet, brings.all_clear)
 
 
 def _goal(design: Design, tolerance: float) -> PlanGoal:
@@ -225,25 +228,25 @@ def _goal(design: Design, tolerance: float) -> PlanGoal:
 def _result(
     design: Design, readings: list[PlannedReading], brings: Promise, tolerance: float, confidence: float
 ) -> PlanResult | RobotErrorLimits:
-    """Return what the readings of a plan achieve, or that the error of the robot is too large for any number."""
+    """Return the result of a plan, or that the error of the robot prevents the goal with any number of readings."""
     goal, reached = _goal(design, tolerance), brings.within >= confidence
     if not reached and design.chance(design.limit, tolerance) < confidence:
         return RobotErrorLimits(goal, design.places.sd(design.limit))
     return PlanResult(
-        goal, reached, len(readings), readings[-1].sd, brings.within, brings.if_met, brings.all_meet,
-        brings.if_met >= confidence,
+        goal, reached, len(readings), readings[-1].sd, brings.within, brings.if_all_hit, brings.all_meet,
+        brings.if_all_hit >= confidence,
     )  # fmt: skip
 
 
 def _nothing_to_do(start: Start, design: Design, tolerance: float, within: float) -> Plan:
-    """Return the plan without readings, if the prior pose suffices."""
+    """Return the plan without readings for a prior pose that suffices."""
     finding = NoReadingNeeded(_goal(design, tolerance), within)
     name, before = design.target.part.name, design.places.sd(design.pose(design.prior))
     return Plan(name, start.Ts[0], (), before, True, (finding,), design.places.feature)
 
 
 def _no_place(start: Start, probe: Probe, seed: int) -> NoPlaceReached:
-    """Return that no place is reached, with a smaller clearance at which some are, if there is one."""
+    """Return the finding that no candidate is reachable, with a smaller clearance that would suffice if one does."""
     parts = (start.targets[0].part.name,)
     for share in _LESS:
         clearance = float(f"{share * probe.standoff:.2g}")
@@ -255,7 +258,7 @@ def _no_place(start: Start, probe: Probe, seed: int) -> NoPlaceReached:
 def _too_wide_a_prior(
     start: Start, probe: Probe, design: Design, found: Plan, tolerance: float, confidence: float, seed: int
 ) -> PriorTooWide | None:
-    """Return that the prior pose is too uncertain, if readings from a better known one reach the goal; else None."""
+    """Return the finding that the prior is too uncertain if a more certain one would reach the goal; otherwise None."""
     if design.chance(design.limit, tolerance) < confidence:
         return None
     finer = replace(start, covariances=start.covariances / _BETTER**2)

@@ -15,7 +15,13 @@ from tanteo.words.findings import MostInformation
 
 
 def most_information(context: DecisionContext) -> float:
-    """Return the largest expected information of a candidate [nats], which decides whether a session ends."""
+    """Return the largest expected information of a candidate [nats].
+
+    A session ends if it is below the goal's smallest gain.
+
+    Args:
+        context: posterior, candidates and goal.
+    """
     return float(outlook(context).gain.max())
 
 
@@ -24,12 +30,12 @@ class Greedy:
     """Policy that chooses the reading with the greatest utility, or the greatest utility per time.
 
     Attributes:
-        utility: name of the utility in the registry.
-        per_second: whether to divide by the duration including travel.
+        utility: name of the utility, see :func:`register_utility`.
+        per_second: whether to divide the utility by the duration including travel.
         name: name of the policy.
 
     Raises:
-        InputError: no utility has that name.
+        InputError: the utility is not registered.
     """
 
     utility: str = "information"
@@ -42,7 +48,7 @@ class Greedy:
             raise InputError(f"utility: expected one of {known}, got {self.utility!r}. Register it, or name one.")
 
     def choose(self, context: DecisionContext) -> Choice:
-        """Return the candidate with the greatest utility, or utility per second."""
+        """Return the candidate with the greatest utility, or the greatest utility per second."""
         ahead = outlook(context)
         worth = UTILITIES[self.utility](ahead)
         seconds = context.seconds() if self.per_second else None
@@ -53,9 +59,10 @@ class Greedy:
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """Policy that chooses the feature with the most information per time, and the best reading of it.
+    """Policy that chooses the feature with the most information per time, and then its best reading.
 
-    It plans as many readings ahead as the feature needs, and changes as soon as another feature is better.
+    The information is that of all readings that the feature needs. After each reading the policy chooses again, so it
+    may change to another feature.
 
     Attributes:
         name: name of the policy.
@@ -64,7 +71,7 @@ class Features:
     name: str = "features"
 
     def choose(self, context: DecisionContext) -> Choice:
-        """Return the best reading of the best feature."""
+        """Return the reading with the most information per time of the feature with the most information per time."""
         s = context
         ahead = outlook(s)
         found = features(s.state, s.candidates)
@@ -96,8 +103,8 @@ def register_utility(name: str, utility: Utility) -> None:
     """Register a utility and the greedy policy for it.
 
     Args:
-        name: name of both.
-        utility: function that rates candidates.
+        name: name of the utility and of the policy.
+        utility: function that returns the utility of each candidate.
 
     Raises:
         InputError: another policy has that name.
@@ -109,7 +116,7 @@ def register_utility(name: str, utility: Utility) -> None:
 
 
 def policy_named(name: str) -> Policy:
-    """Return the policy of a name.
+    """Return the policy with a name.
 
     Raises:
         InputError: no policy has that name.

@@ -1,4 +1,4 @@
-"""Predicted readings: by rays on every sample of a posterior, and for one plane of a part."""
+"""Predicted readings: by ray casting on every sample of a posterior, and analytically for one plane of a part."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tanteo.errors import DegenerateError
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Tangents, Transforms, Vectors
 from tanteo.planning.probe import Probe
-from tanteo.planning.rays import has_cone, of_cone, rays_met
+from tanteo.planning.rays import cast_rays, has_cone, of_cone
 from tanteo.planning.samples import Samples
 from tanteo.planning.shared import SharedAhead
 from tanteo.posterior import PreparedPart
@@ -19,18 +19,20 @@ from tanteo.posterior import PreparedPart
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predictions:
-    """Predicted readings of beams for every sample.
+    """Predicted readings of ``C`` beams for ``S`` samples of a posterior.
 
     Attributes:
         ranges: ranges ``(C, S)`` [m]; infinite for a miss.
         cosines: cosines of the incidence ``(C, S)``; 0 for a miss.
         variances: variances of the range from the covariance of the sample ``(C, S)`` [m^2].
-        spreads: variances from the covariance of the mode ``(C, S)`` [m^2].
-        useful: variances from the useful part of that covariance ``(C, S)`` [m^2].
-        faces: indices of the met faces ``(C, S)``; -1 for a miss.
+        spreads: variances of the range from the covariance of the sample's mode ``(C, S)`` [m^2].
+        useful: variances of the range from the useful part of that covariance ``(C, S)`` [m^2].
+        faces: indices of the faces that are hit ``(C, S)``; -1 for a miss.
         shares: fraction of the rays of the beam's cone that have an echo ``(C, S)``; 1 for a thin beam.
-        scatter: variance of the range between rays, beyond that on one plane ``(C, S)`` [m^2]; 0 for a thin beam.
-        shared: variance from the shared errors given the pose ``(C, S)`` [m^2]; NaN if only the probe models them.
+        scatter: variance of the range between the rays of a cone, minus that on one plane ``(C, S)`` [m^2]; 0 for a
+            thin beam.
+        shared: variance of the range from the shared errors given the pose ``(C, S)`` [m^2]; NaN if only the probe
+            models them.
     """
 
     ranges: FloatArray
@@ -44,8 +46,8 @@ class Predictions:
     shared: FloatArray
 
     @property
-    def met(self) -> BoolArray:
-        """Whether each beam meets the part ``(C, S)``."""
+    def hit(self) -> BoolArray:
+        """Whether each beam hits the part ``(C, S)``."""
         return np.isfinite(self.ranges)
 
 
@@ -56,16 +58,16 @@ def predict(
     probe: Probe | None = None,
     shared: SharedAhead | None = None,
 ) -> Predictions:
-    """Return the predicted readings of beams for every sample (``math.md`` section 7, end, for the variance).
+    """Predict the readings of beams for every sample (variance: ``math.md`` section 7, end).
 
-    The echo of a cone comes from any one of its rays; others may miss the part or meet another face.
+    The echo of a wide beam may come from any ray of its cone; other rays may miss the part or hit another face.
 
     Args:
         samples: samples of the posterior.
         origins: origins of the beams, world frame ``(C, 3)`` [m].
         directions: unit directions, world frame ``(C, 3)``.
-        probe: sensor model, if its cone or ball matters.
-        shared: errors that the beams share with earlier readings.
+        probe: sensor model, for the cone of a beam or the ball of a tip; None for an exact ray.
+        shared: errors that the beams share with earlier readings; None for none.
     """
     parts = np.unique(samples.part).tolist() or [0]
     rows = [np.flatnonzero(samples.part == k) for k in parts]
@@ -107,7 +109,7 @@ def _of_part(
 def beams(
     target: PreparedPart, Ts: Transforms, origins: Vectors, directions: Vectors
 ) -> tuple[FloatArray, FloatArray, IntArray, FloatArray]:
-    """Return the intersections of beams with a part at poses.
+    """Return the first intersection of each beam with a part at several poses.
 
     Args:
         target: the part.
@@ -116,21 +118,21 @@ def beams(
         directions: unit directions, world frame ``(C, 3)``.
 
     Returns:
-        Range, cosine of incidence and face ``(C, S)``, which are infinite, 0 and -1 for a miss, and derivatives of the
-        range over the pose ``(C, S, 6)``.
+        Ranges [m], cosines of incidence and faces ``(C, S)``, and derivatives of the ranges over the pose ``(C, S,
+        6)``. For a miss the range is infinite, the cosine 0 and the face -1.
     """
-    met = rays_met(target, Ts, origins, directions[:, None])
-    return met.distances, met.cosines, met.faces, met.derivatives
+    hits = cast_rays(target, Ts, origins, directions[:, None])
+    return hits.distances, hits.cosines, hits.faces, hits.derivatives
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RangePrediction:
-    """Predicted range of a beam.
+    """Predicted range of a beam to a plane.
 
     Attributes:
         mean: expected range ``(*batch,)`` [m]; negative if the plane is behind the origin.
-        variance: variance of the reading from pose and device ``(*batch,)`` [m^2].
-        gradient: gradient over the body error of the part's pose ``(*batch, 6)``.
+        variance: variance of the reading from pose and sensor ``(*batch,)`` [m^2].
+        gradient: gradient of the range over the right perturbation of the part's pose ``(*batch, 6)``.
     """
 
     mean: FloatArray
@@ -146,15 +148,15 @@ def predict_range(
     direction: Vectors,
     variance: FloatArray | float,
 ) -> RangePrediction:
-    """Return the predicted range along a beam to a plane of a part with uncertain pose (``math.md`` section 7, end).
+    """Predict the range along a beam to a plane of a part with uncertain pose (``math.md`` section 7, end).
 
     Args:
         T_world_part: pose of the part ``(*batch, 4, 4)``.
-        C: its body covariance ``(*batch, 6, 6)``.
-        T_part_plane: frame of the plane, z outward ``(*batch, 4, 4)``.
+        C: covariance of that pose, part frame, right perturbation ``(*batch, 6, 6)`` [m, rad].
+        T_part_plane: frame of the plane in the part, z outward ``(*batch, 4, 4)``.
         origin: origin of the beam, world frame ``(*batch, 3)`` [m].
         direction: unit direction, world frame ``(*batch, 3)``.
-        variance: variance of the device at that range [m^2].
+        variance: variance of the sensor at that range [m^2].
 
     Raises:
         DegenerateError: a beam is parallel to its plane.
@@ -163,7 +165,7 @@ def predict_range(
     n_world = T[..., :3, 2]
     along = np.sum(n_world * direction, axis=-1)
     if np.any(along == 0):
-        raise DegenerateError("range: expected a beam that meets the plane, got one parallel to it. Turn the beam.")
+        raise DegenerateError("range: expected a beam that hits the plane, got one parallel to it. Turn the beam.")
     mean = np.sum(n_world * (T[..., :3, 3] - origin), axis=-1) / along
     hit = origin + mean[..., None] * direction
     X = SE3.apply(SE3.inverse(T_world_part), hit)

@@ -1,4 +1,4 @@
-"""Sensor model for planning: range, noise, and the clearance and limits of its approach."""
+"""Sensor model for planning: noise, measuring range, and clearance and limits of the approach."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ class Probe:
     """Model of a beam or a touch probe, its errors, and the limits of its approach.
 
     Attributes:
-        name: name for messages.
-        law: standard deviation along the beam or motion, by range.
+        name: name of the sensor for messages.
+        law: standard deviation along the beam or motion as a function of the range.
         beam_half_angle: half angle of the beam's cone [rad]; 0 for a touch or a thin beam.
-        contact: whether it touches; its noise is isotropic then.
+        contact: whether the sensor touches the part; its noise is isotropic then.
         max_range: largest range [m].
         max_incidence: largest angle between beam and surface normal with an echo [rad].
-        shared_sd: standard deviation of the errors that its readings share, along the beam [m].
-        repeat_sd: standard deviation of the hand's place from reading to reading, in every direction [m].
+        shared_sd: standard deviation of the errors that all readings share, along the beam [m].
+        repeat_sd: repeatability of the hand's position, standard deviation in every direction [m].
         base_sds: standard deviations of the robot's absolute error, which all readings share: along each axis [m] and
             about each axis through the world's origin [rad].
         standoff: distance of the start from the surface [m]. With a stylus it is at most half of the distance to an
             opposite wall, as in a bore.
-        farthest: largest stand-off, if the probe may also start from farther away [m]; 0 if it may not.
+        farthest: largest stand-off, if the probe may also start farther away than ``standoff`` [m]; otherwise 0.
         clearance: radius of the free space around the start and the approach path [m].
         retreat: length of the approach path [m], straight back from the start, or along the stylus if there is one.
         approach: middle direction of beams or motions, world frame ``(3,)``; None for any direction.
         cone: largest angle to ``approach`` [rad].
-        stylus: direction from the ball of a touch probe to its holder, world frame ``(3,)``. The part must not touch
-            the stylus; None if it is unknown.
-        stylus_behind: whether the holder is behind the ball along each motion instead.
-        workspace: bounds of the start.
+        stylus: direction from the ball of a touch probe to its holder, world frame ``(3,)``. The stylus must not
+            touch the part. None if the direction is unknown.
+        stylus_along_motion: whether the stylus points backward along each motion; ``stylus`` is None then.
+        workspace: bounds of the probe's positions, and forbidden boxes.
         speed: speed of travel between readings [m/s].
         seconds: duration of one reading without travel [s].
         min_range: smallest range with an echo [m].
@@ -73,7 +73,7 @@ class Probe:
     approach: Vectors | None = None
     cone: float = np.pi
     stylus: Vectors | None = None
-    stylus_behind: bool = False
+    stylus_along_motion: bool = False
     workspace: Workspace = field(default_factory=Workspace.everywhere)
     speed: float = 0.1
     seconds: float = 2.0
@@ -101,17 +101,19 @@ class Probe:
         return InputError(f"probe '{self.name}', {field}: expected {expected}, got {got}.")
 
     def _check_standoff(self) -> None:
-        """Check that the probe reads at its stand-off."""
+        """Check that the stand-off is within the measuring range."""
         least, most, got = (f"{1e3 * v:g} mm" for v in (self.min_range, self.max_range, self.standoff))
         if self.standoff > self.max_range:
-            raise self._refused("standoff", f"a stand-off within range, {most} at most", f"{got}. Start nearer")
+            raise self._refused("standoff", f"at most {most}, the largest range of the sensor", f"{got}. Start nearer")
         if self.standoff < self.min_range:
-            raise self._refused("standoff", f"{least} or more, where it starts to read", f"{got}. Start farther off")
+            raise self._refused(
+                "standoff", f"{least} or more, the smallest range of the sensor", f"{got}. Start farther away"
+            )
 
     def _check_law(self) -> None:
-        """Check that the noise is that of one sensor, with a possible size."""
+        """Check that the noise law belongs to one sensor and has a plausible size."""
         if np.ndim(self.law.const) or np.ndim(self.law.sigma(np.asarray(self.standoff))):
-            raise self._refused("law", "that of one sensor", "arrays. Give one number each")
+            raise self._refused("law", "the law of one sensor", "arrays. Give one number for each field")
         sd = float(self.law.sigma(np.asarray(self.standoff)))
         if not LEAST_SD <= sd <= LARGEST:
             expected = f"a standard deviation from {LEAST_SD:g} to {LARGEST:g} m"
@@ -123,10 +125,10 @@ class Probe:
             ball, standoff, clearance = (f"{1e3 * v:g} mm" for v in (self.radius, self.standoff, self.clearance))
             raise self._refused(
                 "radius", "a ball smaller than the stand-off and no larger than the clearance",
-                f"{ball} beside {standoff} and {clearance}. Give it more of both",
+                f"{ball} with a stand-off of {standoff} and a clearance of {clearance}. Increase both",
             )  # fmt: skip
         if self.radius > 0 and not self.contact:
-            raise self._refused("radius", "none of a beam", "one. Use contact=True")
+            raise self._refused("radius", "0 for a beam", "a ball. Use contact=True")
 
     def _direction(self, field: str) -> Vectors:
         """Return the direction of a field as a unit vector."""
@@ -140,7 +142,7 @@ class Probe:
 
     @property
     def standoffs(self) -> FloatArray:
-        """PossiblePoses stand-offs, evenly spread from the nearest to the farthest ``(n,)`` [m]."""
+        """Possible stand-offs, evenly spread from the nearest to the farthest ``(n,)`` [m]."""
         return np.linspace(self.standoff, max(self.standoff, self.farthest), 3 if self.farthest > self.standoff else 1)
 
     def variance(self, ranges: FloatArray, cosines: FloatArray) -> FloatArray:
@@ -153,37 +155,60 @@ class Probe:
         return self.own_variance(ranges, cosines) + self.shared_variance(cosines)
 
     def shared_variance(self, cosines: FloatArray) -> FloatArray:
-        """Return the part of the variance that readings share [m^2]."""
+        """Return the variance of the errors that all readings share, along the beam [m^2].
+
+        Args:
+            cosines: cosines of the incidence, positive ``(*batch,)``.
+        """
         return np.asarray(self.shared_sd**2 + (self.base_sds[0] / cosines) ** 2)
 
     def short(self, cosines: FloatArray) -> FloatArray:
-        """Return the distance of the stopped ball's centre from a plane, along the approach [m]; 0 for a miss."""
+        """Return the distance from the centre of the stopped ball to the surface along the approach [m].
+
+        Args:
+            cosines: cosines of the incidence ``(*batch,)``; for a miss they are 0, and so is the distance.
+        """
         return np.asarray(self.radius / np.where(cosines > 0, cosines, 1.0) * (cosines > 0))
 
     def own_variance(self, ranges: FloatArray, cosines: FloatArray) -> FloatArray:
-        """Return the part of the variance that is independent between readings [m^2]."""
+        """Return the variance of the errors that are independent between readings, along the beam [m^2].
+
+        Args:
+            ranges: true ranges ``(*batch,)`` [m].
+            cosines: cosines of the incidence, positive ``(*batch,)``.
+        """
         along, repeat2 = self.law.sigma(ranges) ** 2, self.repeat_sd**2
         if self.contact:
             return np.asarray((along + repeat2) / cosines**2)
         return np.asarray(along + self.cone_variance(ranges, cosines) + repeat2 / cosines**2)
 
     def cone_variance(self, ranges: FloatArray, cosines: FloatArray) -> FloatArray:
-        """Return the variance from the cone on a plane, where the echo comes from any of its rays [m^2]."""
+        """Return the variance of the range on a plane because the echo may come from any ray of the cone [m^2].
+
+        Args:
+            ranges: true ranges along the axis ``(*batch,)`` [m].
+            cosines: cosines of the incidence, positive ``(*batch,)``.
+        """
         return np.asarray((0.5 * self.beam_half_angle * ranges) ** 2 * (1 / cosines**2 - 1))
 
     def answers(self, ranges: FloatArray, cosines: FloatArray) -> BoolArray:
-        """Return whether readings with these ranges and incidences have an echo."""
+        """Return whether the sensor returns a value, which needs an allowed range and incidence ``(*batch,)``.
+
+        Args:
+            ranges: true ranges ``(*batch,)`` [m].
+            cosines: cosines of the incidence ``(*batch,)``.
+        """
         within = (ranges >= self.min_range) & (ranges <= self.max_range)
         return np.asarray(within & (cosines >= np.cos(self.max_incidence)))
 
 
 def probe_of(preset: SensorPreset | str | float, robot: RobotPreset | str | None = None, **where: object) -> Probe:
-    """Return the model of a sensor preset on a robot.
+    """Return the sensor model for planning of a sensor preset that a robot carries.
 
     Args:
-        preset: sensor preset or its name, or only the standard deviation of its readings [m].
+        preset: sensor preset or its name, or only the standard deviation of the readings [m].
         robot: robot preset or its name; None for an exact robot.
-        where: further fields of :class:`Probe`, such as standoff, clearance, approach and workspace.
+        where: other fields of :class:`Probe`, such as standoff, clearance, approach and workspace.
 
     Raises:
         InputError: a field is invalid, such as a stand-off out of the sensor's range.

@@ -13,23 +13,27 @@ from tanteo.planning.probe import Probe
 from tanteo.posterior import PreparedPart
 
 _THIN = np.radians(0.5)
-"""Half angle up to which a beam is modelled as one ray [rad], because its spot is small."""
+"""Half angle of a beam up to which it is modelled as one ray [rad], because its spot is small."""
 
 _RAYS, _GOLDEN = 7, np.pi * (3 - np.sqrt(5))
 """Number of rays of a cone, and angle between successive rays about its axis [rad]."""
 
 Axis = tuple[FloatArray, FloatArray, FloatArray]
-"""Range, cosine and derivatives of the beam's axis."""
+"""Range, cosine of incidence and derivatives of the range over the pose, for the axis of each beam."""
 
 
 def has_cone(probe: Probe) -> bool:
-    """Return whether a beam is so wide that its rays are modelled separately."""
+    """Return whether the beam of a sensor is so wide that several rays of its cone are modelled.
+
+    Args:
+        probe: sensor model.
+    """
     return not probe.contact and probe.beam_half_angle > _THIN
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Met:
-    """First intersections of rays with a part at poses.
+class RayHits:
+    """First intersections of ``C`` rays with a part at ``S`` poses.
 
     Attributes:
         distances: ranges ``(C, S)`` [m]; infinite for a miss.
@@ -44,27 +48,40 @@ class Met:
     derivatives: FloatArray
 
 
-def rays_met(target: PreparedPart, Ts: Transforms, origins: Vectors, directions: Vectors) -> Met:
-    """Return the first intersections of rays with a part at poses.
+def cast_rays(target: PreparedPart, Ts: Transforms, origins: Vectors, directions: Vectors) -> RayHits:
+    """Return the first intersection of each ray with a part at several poses.
 
     Args:
         target: the part.
-        Ts: poses ``(S, 4, 4)``.
+        Ts: poses ``T_world_part`` ``(S, 4, 4)``.
         origins: origins of the rays, world frame ``(C, 3)`` [m].
         directions: unit directions, world frame ``(C, S, 3)`` or ``(C, 1, 3)``.
     """
     poses, starts, along = (np.ascontiguousarray(values) for values in (Ts, origins, directions))
     distances, cosines, faces, derivatives = _core.beams(target.shape, poses, starts, along)
-    return Met(distances, cosines, faces.astype(np.int64), derivatives)
+    return RayHits(distances, cosines, faces.astype(np.int64), derivatives)
 
 
 def of_cone(
     target: PreparedPart, Ts: Transforms, origins: Vectors, directions: Vectors, axis: Axis, probe: Probe
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return averages over the answered rays of a cone: range, cosine, derivatives, fraction, and variance ``(C, S)``.
+    """Return averages over the rays of each beam's cone that have an echo.
 
-    The rays stand for equal areas of the cone's disc and include its axis. They rotate from sample to sample, so that
-    all places of the disc have equal weight over many samples.
+    The rays include the axis and represent equal areas of the cone's disc. They are rotated from sample to sample, so
+    that over many samples the disc is covered evenly.
+
+    Args:
+        target: the part.
+        Ts: poses ``T_world_part`` ``(S, 4, 4)``.
+        origins: origins of the beams, world frame ``(C, 3)`` [m].
+        directions: unit directions of the axes, world frame ``(C, 3)``.
+        axis: intersections of the axes.
+        probe: sensor model.
+
+    Returns:
+        Mean range [m] and cosine of incidence, derivatives of the range of the first ray with an echo over the pose,
+        fraction of rays with an echo, and variance of the range between rays beyond that on a plane [m^2]. The shapes
+        are ``(C, S)``, that of the derivatives ``(C, S, 6)``.
     """
     d, cosine, g = axis
     answers, g = probe.answers(d, cosine), g.copy()
@@ -72,15 +89,15 @@ def of_cone(
     squares, across = total**2, SO3.frame_from_axis(directions, 2)[:, None]
     for k in range(1, _RAYS):
         slope, turn = np.tan(probe.beam_half_angle) * np.sqrt((k + 0.5) / _RAYS), _GOLDEN * (k + np.arange(len(Ts)))
-        aside = across[..., 0] * np.cos(turn)[:, None] + across[..., 1] * np.sin(turn)[:, None]
+        radial = across[..., 0] * np.cos(turn)[:, None] + across[..., 1] * np.sin(turn)[:, None]
         length = np.sqrt(1 + slope**2)
-        met = rays_met(target, Ts, origins, (directions[:, None] + slope * aside) / length)
-        answers = probe.answers(met.distances, met.cosines)
+        hits = cast_rays(target, Ts, origins, (directions[:, None] + slope * radial) / length)
+        answers = probe.answers(hits.distances, hits.cosines)
         first = np.nonzero(answers & (n == 0))
-        g[first] = met.derivatives[first]
-        depth = np.where(answers, met.distances, 0.0) / length  # along the axis, to which the range refers
+        g[first] = hits.derivatives[first]
+        depth = np.where(answers, hits.distances, 0.0) / length  # along the axis, to which the range refers
         n, total, squares = n + answers, total + depth, squares + depth**2
-        cosines += np.where(answers, met.cosines, 0.0)
+        cosines += np.where(answers, hits.cosines, 0.0)
     none, some = n == 0, np.maximum(n, 1.0)
     mean, cosine = total / some, np.where(none, 1.0, cosines / some)
     scatter = np.maximum(squares / some - mean**2 - probe.cone_variance(mean, cosine), 0.0)

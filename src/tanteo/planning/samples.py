@@ -1,4 +1,4 @@
-"""Approximation of a posterior by small normal densities, for effects of edges, misses and wrong faces."""
+"""Approximation of a posterior by many small normal densities, so that edges, misses and wrong faces are predicted."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from tanteo.planning.state import SensingState
 from tanteo.posterior import PreparedPart
 
 _KEPT = 0.3
-"""Fraction of the covariance within each sample; the rest is between the samples."""
+"""Fraction of a mode's covariance that each sample has; the spread of the samples has the rest."""
 
 _RMS = 1.6
 """A normal error in space stays within 1.6 times its root mean square with a probability of 95 %."""
 
 _SEEN = 1e-12
-"""Fraction of the largest mean square motion of the places below which a motion does not count."""
+"""Fraction of the largest mean square displacement below which a motion of the part does not count."""
 
 _PLASTIC = 1.1127756842787055
 """Root of x^7 = x + 1: multiples of its powers fill six dimensions evenly (Roberts 2018)."""
@@ -36,17 +36,17 @@ _LEAST = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """PossiblePoses poses, each with a small covariance of its own.
+    """Sampled poses, each with a small covariance of its own.
 
     Attributes:
         targets: the parts.
         part: index of the part of each sample ``(S,)``.
         mode: index of the mode of each sample ``(S,)``.
         Ts: poses ``T_world_part`` ``(S, 4, 4)``.
-        covariances: covariances of the samples, part frame, right perturbation ``(S, 6, 6)`` [m, rad].
+        covariances: covariance of each sample, part frame, right perturbation ``(S, 6, 6)`` [m, rad].
         weights: weights that sum to one ``(S,)``.
         whole: covariance of the mode of each sample ``(S, 6, 6)``.
-        useful: the useful part of it ``(S, 6, 6)``: all of it, or the excess over a tolerance.
+        useful: useful part of that covariance ``(S, 6, 6)``: the excess over the tolerance, or all without a tolerance.
     """
 
     targets: tuple[PreparedPart, ...]
@@ -63,13 +63,15 @@ class Samples:
 
 
 def draw(state: SensingState, count: int, tolerance: float | None = None, feature: str | None = None) -> Samples:
-    """Return evenly spread samples of a posterior, more for more probable modes (quasi-random, Roberts 2018).
+    """Return evenly spread samples of a posterior, in proportion to the modes' probabilities.
+
+    The samples are quasi-random (Roberts 2018) and reproducible.
 
     Args:
         state: posterior of the session.
         count: approximate number of samples; every mode has at least one.
-        tolerance: tolerance of the corners of the part [m], below which accuracy has no value; None without one.
-        feature: feature that has to keep it instead, see :class:`tanteo.planning.Stop`.
+        tolerance: tolerance of the part's corners [m], beyond which accuracy has no value; None without one.
+        feature: feature to which the tolerance applies instead, see :class:`tanteo.planning.Stop`.
     """
     alive = np.flatnonzero(state.weights > _LEAST * state.weights.max(initial=0.0))
     w = state.weights[alive] / state.weights[alive].sum()
@@ -92,7 +94,7 @@ def draw(state: SensingState, count: int, tolerance: float | None = None, featur
 def _from_draws(
     state: SensingState, alive: IntArray, counts: IntArray, kept: Covariances, Ts: Transforms
 ) -> tuple[Covariances, Transforms]:
-    """Return covariances and poses, for modes that are not normal from the samples of the posterior."""
+    """Return the covariances and poses with those of modes that are not normal replaced by posterior samples."""
     first = np.cumsum(counts) - counts
     for k, n, at in zip(alive, counts, first, strict=True):
         if state.draws is None or state.modes[k].normal or n < 2:
@@ -108,9 +110,9 @@ def _from_draws(
 
 
 def _useful(state: SensingState, k: int, tolerance: float | None, feature: str | None) -> Covariances:
-    """Return ``C - (C^-1 + W)^-1`` of mode ``k``, where ``W`` is the information that just keeps the tolerance.
+    """Return ``C - (C^-1 + W)^-1`` of mode ``k``, where ``W`` is the information that just achieves the tolerance.
 
-    Motions that do not move any of the places do not count.
+    Motions that displace none of the points do not count.
     """
     C = state.covariances[k]
     if tolerance is None:

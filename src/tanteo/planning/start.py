@@ -1,4 +1,4 @@
-"""Prior of a session: a mixture of prior poses for each part."""
+"""Start of a session: a mixture of prior poses for each part, or factors such as an image."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.factors import PoseFactor
-from tanteo.geometry import SE3, check_transforms
-from tanteo.geometry.covariances import check_covariances
+from tanteo.geometry import SE3, check_covariances, check_transforms
 from tanteo.geometry.limits import check_places, check_spreads
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
 from tanteo.parts import Part
@@ -21,26 +20,27 @@ ORIGIN_SDS = 0.005, float(np.radians(3.0))
 """Default standard deviations of a prior pose along [m] and about [rad] each axis."""
 
 _BEYOND = 1.2
-"""Spread of sampled poses, as a multiple of that of the prior poses."""
+"""Spread of sampled prior poses, as a multiple of the prior standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Start:
-    """Prior poses of parts, each normal, with their probabilities; the unknown object has the rest.
+    """Prior poses of parts as a mixture of normal densities, given that one of the parts is present.
 
     Attributes:
-        targets: the parts, prepared (``posterior.prepare``).
+        targets: parts, prepared by :func:`tanteo.posterior.prepare`.
         part: index of the part of each prior pose ``(A,)``.
         Ts: prior poses ``T_world_part`` ``(A, 4, 4)``.
-        covariances: their covariances ``(A, 6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
-        weights: their probabilities given that a part is present, which sum to one ``(A,)``.
+        covariances: covariance of each prior pose ``(A, 6, 6)``, order x y z rx ry rz, part frame, right perturbation
+            [m, rad].
+        weights: probability of each prior pose given that one of the parts is present; they sum to one ``(A,)``.
         priors: priors of the unknown object and of outliers, and radius of the workspace.
-        factors: measurements of the pose from which the session starts, such as an image. They replace the prior of the
-            pose, with equally probable parts, and the prior poses are only initial poses.
-        suggested: number of prior poses, the first ones, that only the factors suggest.
+        factors: measurements of the pose before the first reading, such as an image. They replace the prior poses,
+            which are then only initial poses of the search, and the parts are equally probable.
+        suggested: number of leading prior poses that come from the factors and were not stated by the user.
 
     Raises:
-        InputError: part or prior pose is missing, the weights are no probabilities, or a covariance is singular.
+        InputError: part or prior pose is missing, the weights are not probabilities, or a covariance is singular.
     """
 
     targets: tuple[PreparedPart, ...]
@@ -54,7 +54,7 @@ class Start:
 
     def __post_init__(self) -> None:
         if not self.targets or not len(self.part):
-            raise InputError("start: expected a part and a prior pose of it, got none. Give both.")
+            raise InputError("start: expected a part and a prior pose of it, got none. State both.")
         Ts, C = check_transforms("start, T_world_part", self.Ts), check_covariances("start", self.covariances, 6)
         w = np.array(self.weights, dtype=np.float64)
         if not (Ts.shape[:-2] == C.shape[:-2] == w.shape == np.shape(self.part) == (len(self.part),)):
@@ -63,7 +63,7 @@ class Start:
                 f"and {len(self.part)}."
             )
         if not (np.isfinite(w).all() and (w >= 0).all() and w.sum() > 0):
-            raise InputError(f"start, weights: expected probabilities, got {w.tolist()}. Normalise them.")
+            raise InputError(f"start, weights: expected probabilities, got {w.tolist()}. Normalize them.")
         if not (np.min(self.part) >= 0 and np.max(self.part) < len(self.targets)):
             which = np.asarray(self.part).tolist()
             raise InputError(f"start, part: expected indices of {len(self.targets)} parts, got {which}.")
@@ -74,7 +74,7 @@ class Start:
         check_spreads("start", C)
         if (turn := float(np.sqrt(np.linalg.eigvalsh(C[..., 3:, 3:]).max()))) > np.pi:
             raise InputError(
-                f"start, covariance: expected turns of up to half a turn, 1 sd, got {turn:.3g} rad. Is it in degrees?"
+                f"start, covariance: expected a rotation sd of at most pi rad, got {turn:.3g} rad. Is it in degrees?"
             )
         check_places("start, T_world_part", Ts[..., :3, 3])
         radius = max(target.part.radius for target in self.targets)
@@ -88,23 +88,23 @@ class Start:
         return len(self.part)
 
     def prior(self, rows: IntArray) -> PosePrior:
-        """Return the prior poses of some rows."""
+        """Return the prior poses of some rows as one object."""
         return PosePrior(self.Ts[rows], self.covariances[rows])
 
     def stated(self, row: int) -> PosePrior | None:
-        """Return the prior pose of a row, or None if only a factor suggests it, which the posterior contains itself."""
+        """Return the prior pose of a row, or None if it comes from a factor, which the posterior contains anyway."""
         return None if row < self.suggested else PosePrior(self.Ts[row], self.covariances[row])
 
     def shares(self) -> FloatArray:
-        """Return the prior probability of every part given that one is present, without factors ``(P,)``."""
+        """Return the prior probability of every part given that one is present ``(P,)``; equal if there are factors."""
         if self.factors:
             return np.full(len(self.targets), 1 / len(self.targets))
         return np.bincount(self.part, weights=self.weights, minlength=len(self.targets)).astype(np.float64)
 
     def mixtures(self) -> dict[int, PoseMixture]:
-        """Return the prior poses of each part given that it is present, by the id of the part.
+        """Return the mixture of prior poses of each part given that it is present, by ``id`` of the prepared part.
 
-        The result is empty if factors replace the prior of the pose.
+        The result is empty if factors replace the prior poses.
         """
         if self.factors:
             return {}
@@ -117,14 +117,14 @@ class Start:
         return out
 
     def likeliest(self, part: int, T_world_part: Transforms) -> int:
-        """Return the row of the prior pose that most probably generates a pose, up to symmetry.
+        """Return the row of the prior pose with the largest density at a pose of a part, up to symmetry.
 
         Args:
             part: index of the part.
-            T_world_part: the pose ``(4, 4)``.
+            T_world_part: pose of the part ``(4, 4)``.
 
         Returns:
-            The row; -1 if the part has no prior pose.
+            Row of the prior pose; -1 if the part has no prior pose.
         """
         own = np.flatnonzero((self.part == part) & (self.weights > 0))
         if not len(own):
@@ -138,7 +138,12 @@ class Start:
         return int(own[np.argmax(log - 0.5 * np.sum(white * white, axis=-1).min(axis=1))])
 
     def drawn(self, part: int, count: int) -> Transforms:
-        """Return reproducible samples of the prior poses of a part with a wider spread ``(count, 4, 4)``."""
+        """Return reproducible samples of a part's prior poses, spread 1.2 times as widely ``(count, 4, 4)``.
+
+        Args:
+            part: index of the part.
+            count: number of samples.
+        """
         rows = np.flatnonzero(self.part == part)
         which = np.resize(rows, count)
         xi = np.random.default_rng((1991, part)).normal(size=(count, 6, 1))
@@ -146,30 +151,30 @@ class Start:
         return np.asarray(self.Ts[which] @ SE3.exp(_BEYOND * (L @ xi)[..., 0]))
 
 
-def around(
+def at_place(
     targets: Sequence[PreparedPart] | Sequence[Part],
     T_world_place: Transforms,
     covariance: Covariances,
     priors: Priors | None = None,
 ) -> Start:
-    """Return a start with every part at one place, such as a feeder or a fixture.
+    """Return the start of a session with an object, one of several parts, at a known place such as a feeder or fixture.
 
-    The centroid of the part is about at the place, and its axes are about parallel to those of the place.
+    The mean pose of each part has its centroid at the origin of the place, and its axes parallel to those of the place.
 
     Args:
-        targets: the parts, prepared or not, all equally probable.
-        T_world_place: the place ``(4, 4)``.
-        covariance: covariance of the part's pose there, order x y z rx ry rz, frame of the place at the centroid
+        targets: possible parts, prepared or not, all equally probable.
+        T_world_place: frame of the place in the world ``(4, 4)``.
+        covariance: covariance of the part's pose about its centroid, order x y z rx ry rz, axes of the place
             ``(6, 6)`` [m, rad].
         priors: priors of the unknown object and of outliers; None for the defaults.
 
     Raises:
-        InputError: no part is given, the place is no rigid motion, or the covariance is invalid or in degrees.
+        InputError: no part is given, the place is not a rigid motion, or the covariance is invalid or in degrees.
 
     Example:
         >>> import numpy as np
         >>> feeder = np.eye(4)
-        >>> place = tanteo.around(tanteo.read_parts("parts/"), feeder, np.diag([0.015] * 3 + [0.17] * 3) ** 2)
+        >>> place = tanteo.at_place(tanteo.read_parts("parts/"), feeder, np.diag([0.015] * 3 + [0.17] * 3) ** 2)
         >>> len(place)
         12
     """
@@ -193,12 +198,12 @@ def around(
 def at_pose(
     target: PreparedPart | Part, T_world_part: Transforms, covariance: Covariances, priors: Priors | None = None
 ) -> Start:
-    """Return a start with one part at one prior pose.
+    """Return the start of a session with one part at one prior pose.
 
     Args:
-        target: the part.
-        T_world_part: prior pose ``(4, 4)``.
-        covariance: its covariance, part frame ``(6, 6)`` [m, rad].
+        target: part, prepared or not.
+        T_world_part: mean of the prior pose ``(4, 4)``.
+        covariance: covariance of the prior pose, order x y z rx ry rz, part frame ``(6, 6)`` [m, rad].
         priors: priors of the unknown object and of outliers; None for the defaults.
     """
     T, C = np.asarray(T_world_part, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
@@ -213,7 +218,15 @@ def at_pose(
 
 
 def at_origin(target: PreparedPart | Part, priors: Priors | None = None) -> Start:
-    """Return a start with a part's frame at that of the world, with :data:`ORIGIN_SDS` at its centroid, for plans."""
+    """Return the start of a plan with the part's CAD frame at the world's, and default standard deviations.
+
+    Args:
+        target: part, prepared or not.
+        priors: priors of the unknown object and of outliers; None for the defaults.
+
+    Returns:
+        Start whose standard deviations at the part's centroid are :data:`ORIGIN_SDS`: 5 mm and 3 degrees.
+    """
     part = prepare_all("part", as_part("part", target))[0].part
     J = SE3.adjoint(SE3.from_parts(np.eye(3), part.centroid))
     return at_pose(target, np.eye(4), J @ np.diag(np.repeat(ORIGIN_SDS, 3) ** 2) @ J.T, priors)
@@ -222,13 +235,13 @@ def at_origin(target: PreparedPart | Part, priors: Priors | None = None) -> Star
 def from_hypotheses(
     hypotheses: Sequence[Hypothesis], targets: Sequence[PreparedPart] | Sequence[Part], priors: Priors | None = None
 ) -> Start:
-    """Return a start with the hypotheses of another answer, from an image or from earlier readings.
+    """Return the start of a session with the hypotheses of an answer, from an image or from earlier readings.
 
-    The session must not get the same readings again.
+    Do not add the readings of that answer to the session, because they would count twice.
 
     Args:
         hypotheses: hypotheses of the answer.
-        targets: the parts that they name.
+        targets: parts that the hypotheses name, prepared or not.
         priors: priors of the unknown object and of outliers; None for the defaults.
 
     Raises:

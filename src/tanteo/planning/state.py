@@ -1,6 +1,6 @@
-"""State of a session: the posterior of all readings under the prior poses of a start.
+"""State of a session: the posterior of part and pose given all readings and the prior poses of a start.
 
-Before the first reading it is the prior itself, or the posterior of the start's factors. Then
+Before the first reading it is the prior itself, or the posterior given the start's factors. Then
 :func:`tanteo.posterior.update_posterior` updates it. Its modes are available as normal densities and as samples.
 """
 
@@ -17,17 +17,17 @@ from tanteo.posterior import Mode, Posterior, PreparedPart, Problem, posterior_o
 from tanteo.posterior.update import on_part
 
 _LEAST_P = 1e-12
-"""Least probability of a mode: it keeps the pose of the nearest part if the object is probably unknown."""
+"""Smallest probability of a mode, so that the best pose is kept even if the object is almost certainly unknown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WeightedPoses:
-    """Samples of a posterior.
+    """Weighted samples of a posterior over part and pose.
 
     Attributes:
         Ts: poses ``T_world_part`` ``(N, 4, 4)``.
         mode: index of the mode of each sample ``(N,)``.
-        weights: weights that sum to the probability of all parts ``(N,)``.
+        weights: weights that sum to the probability that one of the parts is present ``(N,)``.
     """
 
     Ts: Transforms
@@ -40,16 +40,16 @@ class SensingState:
     """State of a session after some readings.
 
     Attributes:
-        start: prior poses.
+        start: prior poses of the session.
         posterior: posterior of all readings and factors; None before the first reading without factors.
-        unknown: posterior of the unknown object.
+        unknown: posterior probability of the unknown object.
         draws: samples of the posterior; None before the first reading.
         poses: poses of the modes, best first ``(M, 4, 4)``; before the first reading, the prior poses.
-        covariances: their covariances ``(M, 6, 6)``.
+        covariances: covariances of the modes, part frame, right perturbation ``(M, 6, 6)`` [m, rad].
         part: index of the part of each mode ``(M,)``.
         weights: probabilities of the modes, which sum to one with ``unknown`` ``(M,)``.
-        rows: index of the prior pose behind each mode ``(M,)``.
-        chances: computed probabilities of tolerances, see :func:`tanteo.planning.stopping.chance_within`.
+        rows: index of the prior pose with the largest density at each mode ``(M,)``; -1 if the part has none.
+        chances: cache of the probabilities of tolerances, see :func:`tanteo.planning.stopping.chance_within`.
     """
 
     start: Start
@@ -82,12 +82,12 @@ class SensingState:
 
     @property
     def touches(self) -> ContactPoints | None:
-        """All contact points; None before the first reading."""
+        """All contact points, world frame; None before the first reading."""
         return None if self.posterior is None else self.posterior.problem.points
 
     @property
     def free(self) -> FreeRays:
-        """All free-space rays."""
+        """All free-space rays, world frame."""
         return FreeRays.none() if self.posterior is None else self.posterior.problem.rays
 
     @property
@@ -105,7 +105,10 @@ class SensingState:
         return self.start.targets[self.part[k]]
 
     def on_part(self) -> BoolArray:
-        """Return flags of the readings that are no outliers of the most probable mode ``(n,)``; it needs a mode."""
+        """Return flags of the contact points that are inliers of the most probable mode ``(n,)``.
+
+        There must be a mode.
+        """
         return on_part(self.modes[0])
 
 
@@ -119,7 +122,11 @@ def _draws(posterior: Posterior) -> WeightedPoses:
 
 
 def begin(start: Start) -> SensingState:
-    """Return the state before the first reading: the prior poses, or the posterior of the start's factors."""
+    """Return the state before the first reading: the prior poses, or the posterior given the start's factors.
+
+    Args:
+        start: prior poses and factors.
+    """
     if not start.factors:
         return SensingState(start, None, start.priors.unknown)
     problem = Problem(ContactPoints.none(), FreeRays.none(), start.priors, pose_factors=start.factors)
@@ -128,18 +135,18 @@ def begin(start: Start) -> SensingState:
 
 
 def _log_priors(start: Start) -> FloatArray:
-    """Return the log prior of each part ``(P,)``."""
+    """Return the log prior probability of each part ``(P,)``."""
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(start.shares()) + np.log1p(-start.priors.unknown))
 
 
 def update(before: SensingState, touches: ContactPoints, free: FreeRays) -> SensingState:
-    """Return the state after readings.
+    """Return the state of a session after further readings.
 
     Args:
-        before: state before them.
+        before: state before these readings.
         touches: all contact points so far, earlier ones included.
-        free: all free-space rays so far.
+        free: all free-space rays so far, earlier ones included.
     """
     start = before.start
     priors, log_priors = start.priors, _log_priors(start)

@@ -1,4 +1,4 @@
-"""Goal of a session: part and pose with demanded confidence, least information and largest number of readings."""
+"""Goal of a session: required certainty of part and pose, smallest gain, and largest number of readings."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ from tanteo.posterior.answers import observed_covariance, without_symmetric_rota
 from tanteo.words.findings import GoalReached
 
 _SAMPLES = 2048
-"""Number of poses for the probability of a tolerance."""
+"""Number of sampled poses for the probability of a tolerance."""
 
 _FAINT = 0.1
-"""Fraction of the least gain that is below the accuracy of an expected information."""
+"""Fraction of the smallest gain below which the expected information is not accurate."""
 
 _HALF = 0.5
-"""A part counts as identified only above 50 %: below, no reading is made to confirm it."""
+"""Probability above which a part or pose may count as certain, even if the goal states a smaller value."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Goal of a session and its limits; a goal of None is not demanded.
+    """Goal of a session and its limits; a goal of None does not count.
 
-    A part or pose counts as known only above 50 %, even if the goal demands less.
+    A part or pose counts as certain only above 50 %, even if the goal states less.
 
     Attributes:
-        probability: least posterior of the part over all its poses; None if the part does not matter.
-        tolerance: largest deviation of all corners of the part's box, or of the feature [m]; None if the pose does not
-            matter.
-        confidence: least probability that the tolerance is kept.
+        probability: required posterior probability of the part over all its poses; None if the part does not matter.
+        tolerance: largest allowed displacement of the corners of the part's box, or of the feature [m]; None if the
+            pose does not matter.
+        confidence: required probability of the tolerance.
         least_gain: information below which a reading is not worth its cost [nats]. Exceptions are readings that exclude
             the unknown object, and cases in which the remaining readings can provide the little that is missing.
         max_measurements: largest number of readings.
-        feature: feature that has to keep the tolerance instead of the corners, ``face 3``, ``edge 4`` or ``vertex 2``:
-            a face along its normal, an edge across its direction. Parts without this feature use the corners.
+        feature: feature to which the tolerance applies instead of the corners, ``face 3``, ``edge 4`` or ``vertex 2``:
+            for a face along its normal, for an edge across its direction. Parts without this feature use the corners.
 
     Raises:
         InputError: a probability or a length is invalid, or the feature is invalid or has no tolerance.
@@ -81,7 +81,13 @@ class Stop:
             raise InputError("least_gain: expected no negative information [nats].")
 
     def reached(self, state: SensingState) -> GoalReached | None:
-        """Return what is known if the goal is reached, or None; there is no goal without probability and tolerance."""
+        """Return the reached goal with its probabilities, or None if it is not reached.
+
+        Without a probability and a tolerance there is no goal, and the result is None.
+
+        Args:
+            state: posterior of the session.
+        """
         if self.probability is None and self.tolerance is None:
             return None
         if state.touches is None or not len(state.touches) or not len(state.weights):
@@ -91,7 +97,7 @@ class Stop:
         part = state.start.targets[k].part
         goal = GoalReached(part.name)
         if self.probability is not None:
-            if not self.knows_part(state):
+            if not self.is_part_known(state):
                 return None
             goal = replace(goal, probability=float(P[k]))
         if self.tolerance is not None:
@@ -103,20 +109,31 @@ class Stop:
         return goal
 
     def chance(self, state: SensingState) -> float:
-        """Return the probability that the tolerance is kept; NaN without a tolerance."""
+        """Return the probability that the pose is within the tolerance; NaN without a tolerance.
+
+        Args:
+            state: posterior of the session.
+        """
         return float("nan") if self.tolerance is None else chance_within(state, self.tolerance, self.feature)
 
-    def knows_part(self, state: SensingState) -> bool:
-        """Return whether the part is known as well as demanded; True if the part does not matter."""
+    def is_part_known(self, state: SensingState) -> bool:
+        """Return whether the part has the required probability; True if the part does not matter.
+
+        Args:
+            state: posterior of the session.
+        """
         if self.probability is None:
             return True
         return bool(state.of_parts().max(initial=0.0) > max(self.probability, _HALF))
 
     def confirms(self, state: SensingState) -> bool:
-        """Return whether only the probability of the unknown object prevents the goal.
+        """Return whether only the probability of an unknown object prevents the goal, and more readings can reduce it.
 
-        Part and pose are known then, and more readings on the part reach the goal: the probability of a similar unknown
-        part decreases with one over their number.
+        Part and pose are certain then, given that the object is known. The probability of an unknown object that is
+        similar to the part decreases inversely with the number of readings on the part.
+
+        Args:
+            state: posterior of the session.
         """
         if self.probability is None or not len(state.weights) or state.unknown > _HALF:
             return False
@@ -126,11 +143,11 @@ class Stop:
             return False
         return self.tolerance is None or self.chance(state) >= self.confidence * rest
 
-    def settles(self, state: SensingState, gain: float, left: int) -> bool:
+    def many_small_gains_suffice(self, state: SensingState, gain: float, left: int) -> bool:
         """Return whether many readings with little information each can still reach the goal.
 
-        This is so if their total information exceeds the entropy of the posterior, and if the best mode already keeps
-        the tolerance.
+        They can if their total information exceeds the entropy of the posterior, and if the pose given the best mode is
+        already within the tolerance.
 
         Args:
             state: posterior of the session.
@@ -146,14 +163,15 @@ class Stop:
 
 
 def chance_within(state: SensingState, tolerance: float, feature: str | None = None) -> float:
-    """Return the probability that all corners of the box are within a tolerance of their places at the best mode.
+    """Return the probability that all corners of the part's box are within a tolerance of those at the best mode.
 
-    Poses of other modes of the same part count if they keep the tolerance, too. Symmetric poses count as one.
+    Poses of other modes of the same part count if their corners are within the tolerance, too. Symmetric poses are
+    equivalent.
 
     Args:
         state: posterior of the session.
-        tolerance: largest deviation [m].
-        feature: feature that has to keep the tolerance instead of the corners, see :class:`Stop`.
+        tolerance: largest displacement of a corner [m].
+        feature: feature to which the tolerance applies instead of the corners, see :class:`Stop`.
     """
     if (tolerance, feature) not in state.chances:
         state.chances[tolerance, feature] = _chance_within(state, tolerance, feature)
@@ -174,7 +192,7 @@ def _chance_within(state: SensingState, tolerance: float, feature: str | None) -
 
 
 def _poses(state: SensingState, k: int, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return poses of one mode and their weights: from its covariance, or its samples if it is not normal."""
+    """Return poses of one mode and their weights: by its covariance, or posterior samples if it is not normal."""
     rows = np.zeros(0, dtype=np.int64)
     if state.draws is not None and not state.modes[k].normal:
         rows = np.flatnonzero(state.draws.mode == k)
@@ -186,7 +204,9 @@ def _poses(state: SensingState, k: int, count: int) -> tuple[FloatArray, FloatAr
 
 
 def corner_distances(state: SensingState, k: int, Ts: FloatArray) -> FloatArray:
-    """Return the largest distance of a corner of the box from its place at a mode ``(S,)`` [m], up to symmetry.
+    """Return the largest displacement of a corner of the box between a mode and other poses ``(S,)`` [m].
+
+    Of symmetric poses, the nearest counts.
 
     Args:
         state: posterior of the session.
@@ -201,10 +221,10 @@ def _distances(state: SensingState, k: int, Ts: FloatArray, feature: str | None 
 
 
 def largest_corner_sd(state: SensingState) -> float:
-    """Return the largest sd of the position of a corner of the most probable part's box, in any direction [m].
+    """Return the largest standard deviation of a corner of the most probable part's box, in any direction [m].
 
-    It covers all possible poses of this part, up to symmetry, so that it is large if two poses are possible. It is NaN
-    if no part explains the readings.
+    It covers all modes of this part, up to symmetry, so it is large if two different poses are possible. It is NaN if
+    no part explains the readings.
 
     Args:
         state: posterior of the session.
@@ -224,9 +244,9 @@ def largest_corner_sd(state: SensingState) -> float:
 
 
 def _moved(state: SensingState, k: int, Ts: FloatArray, places: Places) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return displacements of the places from a mode to poses ``(S, K, 3)``, the rotations, and the largest.
+    """Return displacements of points from a mode to other poses ``(S, K, 3)``, rotations, and largest displacements.
 
-    Of symmetric poses, the one with the smallest largest displacement ``(S,)`` counts.
+    Of symmetric poses, the one with the smallest largest displacement counts.
     """
     part = state.target(k).part
     gaps = SE3.inverse(state.poses[k] @ part.symmetry.Ts)[:, None] @ Ts

@@ -3,9 +3,9 @@
 The information has two terms. The first is the mutual information of mode and reading. The density of each mode is a
 mixture of small normal densities, so that edges and misses count; the overlaps of pairs are Bhattacharyya coefficients,
 as in the bound of Kolchinsky and Tracey (2017). The second is the information about the pose given the mode: half the
-log of the ratio of variances, as far as it matters for the tolerance.
+log of the ratio of variances, counted as far as it matters for the tolerance.
 
-A utility rates candidates by their predicted readings. This information is one entry of the registry.
+A utility is a function that rates candidates by their predicted readings. This information is one of those registered.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ SAMPLES = 128
 """Number of samples for the prediction of candidates."""
 
 ALONE, MEANWHILE = 0.01, 0.3
-"""Weights of the total information beside that about the part: if the goal demands the part only, to decide between
-equal candidates; and until the part is known, if the goal demands the pose, too."""
+"""Weights of the total information, which is added to the information about the part. The first is for goals without a
+pose, where it only decides between equal candidates. The second is for other goals until the part is certain."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,10 +54,10 @@ Utility: TypeAlias = Callable[[Outlook], FloatArray]
 
 
 def outlook(context: DecisionContext) -> Outlook:
-    """Return the predictions and the expected information of all candidates.
+    """Predict the readings of all candidates, and compute their expected information.
 
     Args:
-        context: input of the policy.
+        context: posterior, candidates and goal.
     """
     s = context
     samples = draw(s.state, SAMPLES, s.tolerance, s.feature)
@@ -67,10 +67,10 @@ def outlook(context: DecisionContext) -> Outlook:
 
 
 def information(ahead: Outlook) -> FloatArray:
-    """Return the utility ``information`` of each candidate ``(C,)`` [nats].
+    """Return the registered utility ``information`` of each candidate ``(C,)`` [nats].
 
-    If the goal demands the part only, mainly the information about the part counts. If it demands both, that about the
-    part has more weight until the part is known.
+    If the goal is the part only, mainly the information about the part counts. If the goal is part and pose, the
+    information about the part has more weight until the part is certain.
 
     Args:
         ahead: predictions of the candidates.
@@ -94,7 +94,13 @@ def expected_information(samples: Samples, predicted: Predictions, probe: Probe)
 
 
 def about_pose(samples: Samples, predicted: Predictions, probe: Probe) -> FloatArray:
-    """Return the expected information about the pose given the mode ``(C,)`` [nats]; misses give none."""
+    """Return the expected information about the pose given the mode ``(C,)`` [nats]; a miss has none.
+
+    Args:
+        samples: samples of the posterior.
+        predicted: predicted readings for the samples.
+        probe: sensor model.
+    """
     echo, own = _own(predicted, probe)
     share = np.where(echo > 0, predicted.useful / (predicted.spreads + own), 0.0)
     return np.asarray((-0.5 * np.log1p(-np.minimum(share, 1 - 1e-12)) * echo) @ samples.weights)
@@ -107,7 +113,7 @@ def about_mode(samples: Samples, predicted: Predictions, probe: Probe, groups: I
         samples: samples of the posterior.
         predicted: predicted readings for the samples.
         probe: sensor model.
-        groups: group of every sample to discriminate instead of the modes, such as its part ``(S,)``.
+        groups: group of every sample, such as its part, to discriminate groups instead of modes ``(S,)``.
     """
     groups = samples.mode if groups is None else groups
     names, group = np.unique(groups, return_inverse=True)
@@ -124,25 +130,25 @@ def about_hit(w: FloatArray, samples: Samples, groups: IntArray) -> FloatArray:
     """Return the information about the group from the presence of an echo alone ``(C,)`` [nats].
 
     Args:
-        w: probability of every sample times that of its echo ``(C, S)``.
+        w: probability of every sample times the probability of an echo at it ``(C, S)``.
         samples: samples of the posterior.
         groups: group of every sample ``(S,)``.
     """
     names, group = np.unique(groups, return_inverse=True)
     member = (group[:, None] == np.arange(len(names))).astype(np.float64)
     total, hits = samples.weights @ member, w @ member
-    miss = _of_two(w.sum(axis=1)) - _of_two(hits / total) @ total
+    miss = _binary_entropy(w.sum(axis=1)) - _binary_entropy(hits / total) @ total
     return np.asarray(np.maximum(miss, 0.0))
 
 
-def _of_two(chance: FloatArray) -> FloatArray:
+def _binary_entropy(chance: FloatArray) -> FloatArray:
     """Return the binary entropy [nats]."""
     return entropy(chance) + entropy(np.maximum(1 - chance, 0.0))
 
 
 def _own(predicted: Predictions, probe: Probe) -> tuple[FloatArray, FloatArray]:
     """Return the probability of an echo, and the variance of the reading without that of the pose ``(C, S)``."""
-    answers = predicted.met & probe.answers(predicted.ranges, predicted.cosines)
+    answers = predicted.hit & probe.answers(predicted.ranges, predicted.cosines)
     ranges, cosines = np.where(answers, predicted.ranges, 1.0), np.where(answers, predicted.cosines, 1.0)
     shared = np.where(np.isnan(predicted.shared), probe.shared_variance(cosines), predicted.shared)
     own = probe.own_variance(ranges, cosines) + shared

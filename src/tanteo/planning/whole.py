@@ -1,8 +1,8 @@
 """Complete features as candidates, such as the rim or the wall of a bore: expected information and duration.
 
-No single reading locates a rim. The hand acquires it by many readings, which result in a feature with covariance. The
-prediction for every sample of the posterior is the deviation of the feature's frame from its expected place, and the
-deviation of its size. The information about part and pose follows as for readings (``utility``).
+No single reading locates a rim. The hand acquires it by many readings, which together determine a feature with a
+covariance. For every sample of the posterior, the deviations of the feature's frame and size from the expected ones are
+predicted. The information about part and pose follows from them as for readings (``utility``).
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from tanteo.planning.state import SensingState
 from tanteo.planning.utility import ALONE, MEANWHILE, SAMPLES, about_hit
 
 _ACQUIRED = 0.95
-"""Probability that an existing feature is acquired."""
+"""Probability that an acquisition succeeds if the feature exists."""
 
 _OTHER = 5.0
-"""Deviation from the initial guess beyond which a feature counts as another one [standard deviations]."""
+"""Deviation from the initial guess beyond which a feature counts as a different one [standard deviations]."""
 
 _SAME_AXIS = 0.5
-"""Cosine of the angle between two axes above which they may belong to one feature."""
+"""Cosine of the angle between two axes above which they may belong to the same feature."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartFeatures:
-    """Features of one kind of a part that can be acquired completely.
+    """Features of one kind on a part that a hand can acquire completely.
 
     Attributes:
         points: origins of their frames, part frame ``(n, 3)`` [m].
         axes: axes of rotational symmetry, part frame ``(n, 3)``.
         sizes: radii ``(n,)`` [m].
-        convex: whether the material is inside, as of a boss ``(n,)``.
+        convex: whether the material is inside the radius, as for a boss ``(n,)``.
     """
 
     points: Vectors
@@ -58,10 +58,11 @@ class WholeKind:
 
     Attributes:
         kind: kind of the feature.
-        sds: usual standard deviations of its frame, by the rows of the kind [m, rad].
-        size_sd: usual standard deviation of its size [m].
-        seconds: usual duration without travel [s].
-        of_part: function that returns all features of this kind of a part.
+        sds: usual standard deviations of an acquired feature's frame, for the constrained components of the kind
+            [m, rad].
+        size_sd: usual standard deviation of an acquired feature's radius [m].
+        seconds: usual duration of an acquisition without travel [s].
+        of_part: function that returns all features of this kind on a part.
     """
 
     kind: FeatureKind
@@ -73,17 +74,17 @@ class WholeKind:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WholeFeature:
-    """Feature that the hand can acquire now.
+    """Feature of a part at one mode that the hand can reach and acquire completely.
 
     Attributes:
         kind: key of :data:`WHOLE`.
         name: name of the feature.
         mode: index of the mode whose part has it.
-        T_world_feature: its frame at that mode ``(4, 4)``, z along its axis.
+        T_world_feature: frame of the feature at that mode ``(4, 4)``, z along its axis.
         size: radius [m].
-        convex: whether the material is inside, as of a boss.
-        place_sd: standard deviation of its place [m]; a feature five of these away counts as another one.
-        size_share: standard deviation of its size as a fraction, used in the same way.
+        convex: whether the material is inside the radius, as for a boss.
+        place_sd: standard deviation of its position [m]; a feature more than five of these away is a different one.
+        size_share: standard deviation of its radius as a fraction of it, with the same meaning.
         origin: start of the acquisition, world frame ``(3,)`` [m].
     """
 
@@ -125,42 +126,52 @@ WHOLE: Mapping[str, WholeKind] = MappingProxyType({
     CIRCLE.name: WholeKind(CIRCLE, (1.5e-4, 1.9e-4, 2.7e-4, 2.5e-3, 1.2e-2), 1e-4, 90.0, _rims),
     CYLINDER.name: WholeKind(CYLINDER, (1.5e-4, 1.9e-4, 2.5e-3, 1.2e-2), 1e-4, 155.0, _walls),
 })  # fmt: skip
-"""Kinds of complete features; ``benchmarks/sense_round.py`` gives their deviations and durations, with the face."""
+"""Kinds of complete features by name. ``benchmarks/sense_round.py`` measures their standard deviations and durations,
+which include the face around the rim."""
 
 
 def whole_information(offers: Offers, context: DecisionContext) -> FloatArray:
-    """Return the expected information of each feature about part and pose ``(F,)`` [nats], as far as the goal needs it.
+    """Return the expected information of each feature about part and pose ``(F,)`` [nats].
+
+    It is weighted by the goal as for single readings (``information``).
 
     Args:
-        offers: the features.
+        offers: features that the hand can acquire.
         context: posterior, tolerance and goal.
     """
     s = context
     samples = draw(s.state, SAMPLES, s.tolerance, s.feature)
-    seen = [_Seen.of(one, samples, s.state) for one in offers]
-    told = np.array([each.about_pose() + each.about(samples.mode) for each in seen])
+    predicted = [_PredictedFeature.of(one, samples, s.state) for one in offers]
+    information = np.array([each.about_pose() + each.about(samples.mode) for each in predicted])
     if not (s.part_only or s.part_open):
-        return told
-    return np.asarray((ALONE if s.part_only else MEANWHILE) * told + [each.about(samples.part) for each in seen])
+        return information
+    return np.asarray(
+        (ALONE if s.part_only else MEANWHILE) * information + [each.about(samples.part) for each in predicted]
+    )
 
 
 def whole_seconds(offers: Offers, context: DecisionContext) -> FloatArray:
-    """Return the duration of each feature including travel ``(F,)`` [s]."""
+    """Return the duration of each acquisition including travel ``(F,)`` [s].
+
+    Args:
+        offers: features that the hand can acquire.
+        context: position and speed of the probe.
+    """
     place = context.place
-    ways = np.array([0.0 if place is None else float(np.linalg.norm(one.origin - place)) for one in offers])
-    return np.asarray([WHOLE[one.kind].seconds for one in offers] + ways / context.probe.speed)
+    travel = np.array([0.0 if place is None else float(np.linalg.norm(one.origin - place)) for one in offers])
+    return np.asarray([WHOLE[one.kind].seconds for one in offers] + travel / context.probe.speed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Seen:
+class _PredictedFeature:
     """Predicted results of the acquisition of a feature for every sample.
 
     Attributes:
-        one: the feature.
+        one: feature to acquire.
         samples: samples of the posterior.
         G: Jacobian of the feature's frame over the pose of the part, rows of its kind ``(m, 6)``.
         means: deviation of frame and size from the expected ones ``(m + 1, S)``.
-        there: whether a feature exists that would be acquired ``(S,)``.
+        there: whether the acquisition would find a feature ``(S,)``.
     """
 
     one: WholeFeature
@@ -170,7 +181,7 @@ class _Seen:
     there: BoolArray
 
     @classmethod
-    def of(cls, one: WholeFeature, samples: Samples, state: SensingState) -> _Seen:
+    def of(cls, one: WholeFeature, samples: Samples, state: SensingState) -> _PredictedFeature:
         T_part_feature = SE3.inverse(state.poses[one.mode]) @ one.T_world_feature
         G = SE3.adjoint_inverse(T_part_feature)[list(WHOLE[one.kind].kind.rows)]
         means, there = np.zeros((len(G) + 1, len(samples))), np.zeros(len(samples), dtype=bool)
@@ -187,11 +198,11 @@ class _Seen:
         if not len(rows):
             return 0.0
         R, first = np.diag(np.square(WHOLE[self.one.kind].sds)), rows[0]
-        told = shrunk(self.G, R, self.samples.whole[first], self.samples.useful[first])
-        return float(_ACQUIRED * self.samples.weights[rows].sum() * told)
+        information = shrunk(self.G, R, self.samples.whole[first], self.samples.useful[first])
+        return float(_ACQUIRED * self.samples.weights[rows].sum() * information)
 
     def about(self, groups: IntArray) -> float:
-        """Return the information about the group of the samples, from the success and the best of its numbers."""
+        """Return the information about the samples' group, from success or failure and the best single component."""
         group = np.unique(groups, return_inverse=True)[1]
         if group.max(initial=0) == 0:
             return 0.0
@@ -204,7 +215,7 @@ class _Seen:
 
 
 def _nearest(one: WholeFeature, found: PartFeatures, Ts: Transforms) -> tuple[FloatArray, BoolArray]:
-    """Return the deviations of the most similar feature at every pose ``(m + 1, S)``, and whether it is acquired."""
+    """Return the deviations of the nearest feature at every pose ``(m + 1, S)``, and whether it would be acquired."""
     same = found.convex == one.convex
     sizes, R = found.sizes[same], one.T_world_feature[:3, :3]
     places = (SE3.apply(Ts[:, None], found.points[same]) - one.T_world_feature[:3, 3]) @ R

@@ -1,6 +1,7 @@
 from . import answers as answers
 from . import candidate_pruning as candidate_pruning
 from . import candidates as candidates
+from . import convention_checks as convention_checks
 from . import details as details
 from . import findings as findings
 from . import fit_at_mode as fit_at_mode
@@ -14,6 +15,7 @@ from . import part_search as part_search
 from . import proposals as proposals
 from . import sampling as sampling
 from . import settings as settings
+from . import trial_fit as trial_fit
 from . import unknown as unknown
 from . import update as update
 from .alternatives import Alternatives as Alternatives
@@ -31,8 +33,6 @@ from .answers.results import Status as Status
 from .answers.seen_outline import SeenOutline as SeenOutline
 from .answers.status import verdict as verdict
 from .answers.whole_object import WholeObject as WholeObject
-from .convention_checks import Search as Search
-from .convention_checks import about_conventions as about_conventions
 from .diagnostics import face_elsewhere as face_elsewhere
 from .dominant_error import dominant_shared_error as dominant_shared_error
 from .features import identify_features as identify_features

@@ -1,8 +1,8 @@
-"""Mixtures of pose factors of which one group holds, and normal densities of the pose as such a factor.
+"""Pose factors that are mixtures: groups of factors of which exactly one applies, and normal densities of the pose.
 
-An image may show another object than the part that is sensed. Then the factor of the image does not hold, and the prior
-of the pose without the image does. ``Alternatives`` is the mixture of both; ``_core/factors/alternatives.hpp`` has the
-formula.
+An image may show another object than the part that is sensed. Then the factor of the image does not apply, and the
+prior of the pose without the image does. ``Alternatives`` is the mixture of both; ``_core/factors/alternatives.hpp``
+has the formula.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ class NormalPoses(PoseFactor):
 
     @property
     def is_pose_prior(self) -> bool:
-        """Return whether the factor is a prior density of the pose: yes."""
+        """Return True: the factor is a prior density of the pose."""
         return True
 
     def poses(self, part: Part) -> Transforms:
-        """Return the means and samples of the densities of a part ``(K, 4, 4)``."""
+        """Return means and samples of the normal densities of a part ``(K, 4, 4)``, from which a search starts."""
         if part not in self.mixtures:
             return np.zeros((0, 4, 4))
         known = self.mixtures[part]
@@ -69,9 +69,9 @@ class NormalPoses(PoseFactor):
 
 
 def _root(part: Part, covariance: FloatArray) -> tuple[FloatArray, float]:
-    """Return R with R'R the information, without spins of the part, and the log of its normalization.
+    """Return a root R of the information ``R'R``, without the continuous symmetry, and the log normalization.
 
-    Turns about the axis of a part of revolution, or about the centre of a ball, are uniform.
+    The density is uniform over turns about the axis of a part of revolution, or about the centre of a ball.
     """
     rows, S = symmetry_motions(part), part_scale(part)
     unit = np.linalg.inv(S)
@@ -88,12 +88,12 @@ def _root(part: Part, covariance: FloatArray) -> tuple[FloatArray, float]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alternatives(PoseFactor):
-    """Mixture of groups of factors, of which exactly one group holds.
+    """Mixture over groups of factors: exactly one group applies.
 
     Attributes:
-        groups: groups of factors; the probability of a group is its weight times the densities of its factors.
-        log_weights: log probability of each group, and the log density of measurements that the other groups explain
-            ``(k,)``.
+        groups: groups of factors; the likelihood of a group is the product of the densities of its factors.
+        log_weights: log of the prior probability of each group, plus the log density of the measurements that only
+            other groups explain ``(k,)``.
         log_unknown: log density of all measurements if the object is unknown.
     """
 

@@ -1,17 +1,17 @@
-"""One race of the parts: successive halving by an optimistic bound of the log-evidence, with one budget.
+"""Candidate pruning by successive halving: optimistic bounds of the log-evidence, and one budget for all parts.
 
-Stages in order of cost, each on the parts that the stage before left active:
+Stages in order of cost, each on the parts that the previous stage left active:
 
-1. sizes: the part has room for the points (``_has_room``),
+1. sizes: the part is wide enough for the points (``_is_wide_enough``),
 2. tables: sensed planes and centres against faces and axes, a bound (``_by_tables``),
 3. coarse distance fields: an estimate, and initial poses (``evaluate_fields``),
 4. first-pass searches: maximization with a few of the points (``_first_pass``),
 5. full searches with restarts, while what they may have missed matters (``_restart``).
 
-A part is pruned if even an optimistic gap to the leader, the gap times the weight of the stage, exceeds ``negligible``
-nats, or if the budget ends. Pruned parts stay in the posterior: their largest possible evidence counts for an object
-that was not searched (decision 76), :class:`LeftOut`. Stage 5 ends when most of the probability is in maxima to which
-several pairs of points led (Good 1953, Turing's estimate of unseen probability).
+A part is pruned if its log-evidence gap to the leader, times the weight of the stage, exceeds ``negligible`` nats, or
+if the budget ends. Pruned parts stay in the posterior: their largest possible evidence counts for an object that was
+not searched (decision 76), :class:`Unsearched`. Stage 5 ends when most of the probability is in maxima to which several
+pairs of points led (Good 1953, Turing's estimate of unseen probability).
 """
 
 from __future__ import annotations
@@ -49,23 +49,24 @@ _ROUND_OFF = 1.02
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Active:
-    """The active parts, and a bound of the evidence of the others.
+    """Active parts, and a bound of the evidence of the pruned parts.
 
     Attributes:
         rows: rows of the parts that are searched ``(m,)``, the most promising first.
         known: initial poses by row.
-        behind: cost gap of each part to the best, by tables and fields ``(m,)`` [nats].
-        unsearched: log of the evidence of all others at most, over that of the best part; -inf for none.
-        others: rows of pruned parts that have room for the points.
-        exhaustive: whether the known poses are all that planes and centres allow.
-        pruned_by_properties: number of the others that global properties alone pruned.
-        discount: mean log odds of the others by global properties, over those of the less promising half of the rows.
-        bound: whether gaps are bounds; coarse fields estimate them.
+        gaps: cost gap of each part to the best, by tables and fields ``(m,)`` [nats].
+        unsearched: log of the largest possible evidence of all pruned parts, over that of the best part; -inf for none.
+        others: rows of the pruned parts that are wide enough for the points.
+        exhaustive: whether the known poses are all poses that planes and centres allow.
+        pruned_by_properties: number of parts that were pruned by their global properties alone.
+        discount: log of the mean odds of pruned parts by global properties, over that of the less promising active
+            half.
+        bound: whether the gaps are bounds; otherwise coarse fields estimate them.
     """
 
     rows: IntArray
     known: dict[int, Transforms] = field(default_factory=dict)
-    behind: FloatArray = field(default_factory=lambda: np.zeros(0))
+    gaps: FloatArray = field(default_factory=lambda: np.zeros(0))
     unsearched: float = -np.inf
     others: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     exhaustive: bool = False
@@ -80,20 +81,20 @@ class Unsearched:
 
     Attributes:
         count: number of parts that are not searched.
-        behind: log of their evidence together over that of the best part; None if the less promising parts estimate it.
-        discount: log odds of these parts over those of less promising ones, by global properties.
-        similar: function that returns those of them that are similar to a part.
-        untried: whether none of their poses were tried. Then some may explain as much as an unknown object.
+        log_ratio: log of their total evidence over that of the best part; None if the less promising parts estimate it.
+        discount: log of their mean odds by global properties, over that of the less promising searched parts.
+        similar: function that returns the unsearched parts that are similar to a part.
+        untried: whether no pose of these parts was tried, so that they may explain as much as an unknown object.
     """
 
     count: int = 0
-    behind: float | None = None
+    log_ratio: float | None = None
     discount: float = 0.0
     similar: Callable[[PreparedPart], list[PreparedPart]] = lambda part: []
     untried: bool = False
 
     def log_evidence(self, best: float, tail: float) -> float:
-        """Return their log-evidence together at most.
+        """Return the largest log-evidence that these parts have together.
 
         Args:
             best: log-evidence of the best part.
@@ -101,23 +102,23 @@ class Unsearched:
         """
         if not self.count:
             return -np.inf
-        return best + self.behind if self.behind is not None else tail + float(np.log(self.count)) + self.discount
+        return best + self.log_ratio if self.log_ratio is not None else tail + float(np.log(self.count)) + self.discount
 
 
 def screen(problem: Problem, candidates: Candidates, odds: FloatArray | None = None, *, every: bool = False) -> Active:
-    """Prune parts by what needs no part to be opened: sizes, tables, coarse fields.
+    """Prune parts by catalogue data alone, without opening a part: sizes, tables, coarse fields.
 
     Args:
         problem: measurements and priors.
         candidates: all parts.
         odds: log odds of each by its global properties ``(n,)``.
-        every: whether to evaluate the fields of all parts, whatever their log odds.
+        every: whether to evaluate the fields of all parts, also of those with low log odds.
     """
     points, few = problem.points.take(problem.furniture.others), problem.settings.pruning.budget
     rows = np.flatnonzero(_is_large_enough(points, candidates))
     too_few_points = len(points) < 3 and not points.centres.any()
     if len(rows) > few and not too_few_points:
-        rows = rows[_has_room(problem, points, candidates, rows)]
+        rows = rows[_is_wide_enough(problem, points, candidates, rows)]
     own = np.zeros(len(candidates)) if odds is None else odds
     if len(rows) <= few or too_few_points:
         return _few(problem, points, candidates, rows)
@@ -157,7 +158,7 @@ def _is_probable(problem: Problem, odds: FloatArray) -> BoolArray:
 
 @dataclass(slots=True, eq=False)
 class _Costs:
-    """Costs of parts [nats] and poses by row, and whether these are all poses and the costs are bounds."""
+    """Costs of parts [nats], poses by row, and whether the poses are exhaustive and the costs are bounds."""
 
     planes: SensedPlanes
     costs: FloatArray
@@ -171,7 +172,7 @@ def _by_tables(problem: Problem, points: ContactPoints, candidates: Candidates, 
     own, planes = problem.settings.pruning, sensed_planes(problem, points)
     found = _Costs(planes, np.zeros(len(rows)))
     if len(planes.triples):
-        # poses are needed as far behind the best as all parts beyond could matter together
+        # keep poses up to the gap beyond which all parts together are negligible
         together = float(np.log(len(rows) / problem.settings.samples.min_probability))
         far = max(cost_margin(problem.settings), together / own.table_weight)
         found.costs, found.known = on_planes(planes, candidates, rows, far)
@@ -190,10 +191,10 @@ def _by_tables(problem: Problem, points: ContactPoints, candidates: Candidates, 
 def _by_fields(
     problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray, near: BoolArray, found: _Costs
 ) -> None:
-    """Estimate costs and poses by coarse fields, of those parts only that are ``near`` by their global properties."""
+    """Estimate costs and poses by coarse fields, only of parts that are probable (``near``) by global properties."""
     found.bound = False
     if len(found.planes.triples):
-        rough, others = evaluate_fields(problem, points, candidates, rows)  # normals may be of faces that are not flat
+        rough, others = evaluate_fields(problem, points, candidates, rows)  # normals may be on curved faces
         found.costs, found.known = np.minimum(found.costs, rough), others | found.known
         return
     some = near & (found.costs < found.costs[near].min() + cost_margin(problem.settings))
@@ -204,38 +205,36 @@ def _by_fields(
 
 
 def _promising(problem: Problem, rows: IntArray, found: _Costs) -> Active:
-    """Return the parts that are little behind the best, as many as the budget allows, and a bound of the others."""
+    """Return the parts near the best, as many as the budget allows, and a bound of the others."""
     own, margin = problem.settings.pruning, problem.settings.search.negligible
     order = np.argsort(found.costs, kind="stable")
-    behind = found.costs[order] - found.costs[order[0]]
+    gaps = found.costs[order] - found.costs[order[0]]
     weight, least = (own.table_weight, 1) if found.bound else (own.estimate_weight, own.least)
-    rest = np.cumsum(np.exp(-weight * behind)[::-1])[::-1]  # of each and all behind it
+    rest = np.cumsum(np.exp(-weight * gaps)[::-1])[::-1]  # of each part and all worse ones
     count = min(
-        int(np.searchsorted(weight * behind, margin)),
+        int(np.searchsorted(weight * gaps, margin)),
         int(np.searchsorted(-rest, -problem.settings.samples.min_probability)),
     )
     if found.bound and not found.exhaustive:
-        count = count if count <= own.budget else own.unfixed  # which part it is will stay open
+        count = count if count <= own.budget else own.unfixed  # the answer will be ambiguous
     elif count > own.first_passes:
         count = own.least if found.bound and rest[own.first_passes] > 1 else own.first_passes
-    count = min(max(count, min(least, int(np.searchsorted(behind, 3 * margin))), 1), len(rows))
+    count = min(max(count, min(least, int(np.searchsorted(gaps, 3 * margin))), 1), len(rows))
     kept, left = rows[order[:count]], float(np.log(rest[count])) if count < len(rows) else -np.inf
     known = {int(row): found.known[int(row)] for row in kept if int(row) in found.known}
-    return Active(
-        kept, known, behind[:count], left, rows[order[count:]], exhaustive=found.exhaustive, bound=found.bound
-    )
+    return Active(kept, known, gaps[:count], left, rows[order[count:]], exhaustive=found.exhaustive, bound=found.bound)
 
 
 def _is_large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray:
-    """Return whether each part is as large as three quarters of the points are spread ``(n,)``."""
+    """Return whether each part is at least as large as the spread of three quarters of the points ``(n,)``."""
     centre = np.median(points.points, axis=0)
     reach = np.sort(np.linalg.norm(points.points - centre, axis=1) - 4 * points.sd - points.radii)
     shared = 4 * np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1))
     return np.asarray(reach[int(0.75 * (len(reach) - 1))] - shared <= candidates.diagonals)
 
 
-def _has_room(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> BoolArray:
-    """Return whether each part has room for all points but possible outliers: its widths are no less ``(m,)``.
+def _is_wide_enough(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> BoolArray:
+    """Return whether the widths of each part are at least those of the points without possible outliers ``(m,)``.
 
     Centres do not count: they may be beyond the end of their hole.
     """
@@ -266,26 +265,26 @@ def prune(
     exhaustive: bool,
     unsearched: Unsearched | None,
 ) -> tuple[list[PartSearch], float]:
-    """Search parts, each as long as it may matter.
+    """Search each part while it may still change the posterior.
 
     Args:
         problem: measurements and priors.
         parts: the parts, the most promising first.
         log_unknown: log-evidence of the unknown object, over the prior of one part.
         rng: generator of all draws.
-        known: initial poses of each part; None without.
-        exhaustive: whether these are all poses that labels and normals allow.
-        unsearched: the parts that are not searched.
+        known: initial poses of each part; None without initial poses.
+        exhaustive: whether the initial poses are all poses that labels and normals allow.
+        unsearched: the parts that are not searched; None if all are.
 
     Returns:
-        The searches, and the log-evidence of all parts without a search, at most.
+        The searches, and the largest possible log-evidence of all parts without a search.
     """
     unsearched, margin = unsearched or Unsearched(), problem.settings.search.negligible
     start = _first_pass(problem, parts, known, rng, unsearched.similar, exhaustive=exhaustive)
     searches, live = start.searches, list(start.live)
     if not exhaustive or not max(searches, key=lambda s: s.log_evidence).is_good_fit():
         second = problem.settings.second_pass
-        for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
+        for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be pruned
             wide = margin / problem.settings.pruning.estimate_weight
             if len(live) == 1 or search in still_active(live, log_unknown, wide):
                 search.restart(second)
@@ -305,7 +304,7 @@ class _Start:
 
     Attributes:
         searches: searches of all parts that the budget allows full searches of.
-        live: those of them that are active.
+        live: searches of the active parts.
         others: searches of further parts near the best, for which the budget allows no full search.
         dropped: log-evidence of all other parts together.
         tail: log of the mean evidence of the less promising half, an estimate for a part without a search.
@@ -327,7 +326,7 @@ def _first_pass(
     *,
     exhaustive: bool,
 ) -> _Start:
-    """Search each part with a few of the points, which is as fair to all; the active ones go on with all points.
+    """Search each part with the same few points, and continue the active parts with all points.
 
     The unknown object does not compete yet, because a first pass often misses the pose of the right part.
     """
@@ -365,7 +364,7 @@ def _first_pass(
 
 
 def _with_few_points(problem: Problem) -> Problem:
-    """Return the problem of a few points that are far from each other."""
+    """Return the problem with a few points that are far from each other."""
     rows = spread(problem, problem.settings.search.few_points).astype(np.int64)
     return replace(problem, points=problem.points.take(rows)) if len(rows) < len(problem.points) else problem
 
@@ -388,7 +387,7 @@ def _prune_by_known_poses(
     *,
     exhaustive: bool,
 ) -> _Pruned:
-    """Prune more parts than the budget allows full searches of, by what their known poses lead to.
+    """Prune parts to the number of full searches in the budget, by maximization from their known poses.
 
     Returns:
         Parts and known poses that are searched in full; searches of others near the best; log-evidence of all the rest;
@@ -397,7 +396,7 @@ def _prune_by_known_poses(
     own, few = problem.settings.pruning, _with_few_points(problem)
     margin = problem.settings.search.negligible
     found, searches = _from_known_poses(few, parts, known, rng, exhaustive=exhaustive)
-    share = len(problem.points) / max(len(few.points), 1)  # all points discriminate parts by as much more
+    share = len(problem.points) / max(len(few.points), 1)  # gaps grow with the number of points
     top, half = float(found.max()), found[len(found) // 2 :]
     tail = top + float(log_sum(share * (half - top))) - float(np.log(len(half)))
     parts, known = list(parts), list(known)
@@ -409,9 +408,9 @@ def _prune_by_known_poses(
             searches |= {len(parts) + i: search for i, search in found_more.items()}
             parts, known, found = parts + new, known + [Ts] * len(new), np.concatenate([found, more])
     order = np.argsort(-found, kind="stable")
-    behind = found[order[0]] - found[order]
-    count = min(max(int(np.searchsorted(behind, margin / own.estimate_weight)), 1), own.budget)
-    reported = max(int(np.searchsorted(behind, margin)), count)
+    gaps = found[order[0]] - found[order]
+    count = min(max(int(np.searchsorted(gaps, margin / own.estimate_weight)), 1), own.budget)
+    reported = max(int(np.searchsorted(gaps, margin)), count)
     others = []
     for search in (searches.get(int(k)) for k in order[count:reported]):
         if search is None:
@@ -423,7 +422,7 @@ def _prune_by_known_poses(
         (whole,) = start_searches(problem, [search.objective.prepared], [search.rng])
         _continue_with_all(whole, search)
         others.append(whole)
-    dropped = float(found[order[0]]) + float(log_sum(-share * behind[reported:]))
+    dropped = float(found[order[0]]) + float(log_sum(-share * gaps[reported:]))
     return [parts[k] for k in order[:count]], [known[k] for k in order[:count]], others, dropped, tail
 
 
@@ -435,10 +434,10 @@ def _from_known_poses(
     *,
     exhaustive: bool = False,
 ) -> tuple[FloatArray, dict[int, PartSearch]]:
-    """Return the log-evidence that known poses lead to ``(n,)``, and the searches of parts near the best."""
+    """Return the log-evidence of each part by its known poses ``(n,)``, and the searches of parts near the best."""
     own = problem.settings
     found, kept, proposer = np.full(len(parts), _NONE), dict[int, PartSearch](), KnownPoses()
-    together = 4 * own.pruning.budget  # open at a time, beside those near the best
+    together = 4 * own.pruning.budget  # parts that are open at a time, in addition to those near the best
     for begin in range(0, len(parts), together):
         some = [k for k in range(begin, min(begin + together, len(parts))) if known[k] is not None]
         searches = start_searches(problem, [parts[k] for k in some], common_random_numbers(rng, len(some)))
@@ -453,7 +452,7 @@ def _from_known_poses(
 
 
 def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown: float) -> None:
-    """Carry out more rounds of active parts, while what they may have missed matters."""
+    """Carry out more rounds of active parts, while missed maxima may matter."""
     while live:
         own = live[0].settings
         total = float(log_sum([s.log_evidence for s in searches]))
@@ -473,9 +472,10 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
 
 
 def still_active(searches: Sequence[PartSearch], log_unknown: float, margin: float) -> list[PartSearch]:
-    """Return parts that are so little behind the leader; half of all while the leader does not explain the points.
+    """Return parts within a margin of the leader; at least half of all if the leader does not explain the points.
 
-    Many precise points discriminate poses by hundreds of nats: after a first pass the right part may be far behind.
+    Many precise points discriminate poses by hundreds of nats: after a first pass the gap of the right part may be
+    large.
     """
     order = sorted(searches, key=lambda s: -s.log_evidence)
     lead = max([log_unknown, *(s.log_evidence for s in order)])
@@ -498,7 +498,7 @@ def _pass_on(searches: Sequence[PartSearch]) -> None:
 
 
 def missing(searches: Sequence[PartSearch]) -> float:
-    """Return the share of the probability of all parts that was found only once."""
+    """Return the probability that the search missed (Good-Turing estimate): that of maxima which one source found."""
     total = float(log_sum([s.log_evidence for s in searches])) if searches else -np.inf
     once = float(log_sum([s.log_rare(2) for s in searches])) if searches else -np.inf
     return float(np.exp(once - total)) if np.isfinite(total) else 0.0

@@ -1,4 +1,4 @@
-"""Candidate parts: their sizes without opening them, and the tables for the first comparisons."""
+"""Candidate parts: sizes and tables that are available without opening a part."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Candidates:
         return len(self.parts)
 
     def prepared(self, row: int) -> PreparedPart:
-        """Return one part, opened."""
+        """Open one part and return it prepared."""
         return prepare(self.parts[row])
 
     @cached_property
@@ -80,17 +80,23 @@ class Candidates:
         return out if whole.outline is None else out + whole.outline.log_odds(self.parts)
 
     def named(self, odds: FloatArray, rows: Iterable[int]) -> dict[str, float]:
-        """Return numbers of some parts by their names."""
+        """Return the log odds of some parts by name, from those of all parts."""
         return {self.name(int(row)): float(odds[row]) for row in rows}
 
     def names_of_same_shape(self, part: Any) -> list[str]:
-        """Return the names of the parts of the same area and volume, up to single precision."""
+        """Return the names of the parts with the same area and volume as a part, up to single precision."""
         rounding = float(np.finfo(np.float32).resolution)
         same = np.isclose(self._numbers[:, :2], (part.area, part.volume), rtol=rounding, atol=0).all(axis=1)
         return [self.name(int(row)) for row in np.flatnonzero(same)]
 
     def similar(self, prepared: PreparedPart, rows: IntArray, settings: PruningSettings) -> list[int]:
-        """Return those of some parts that have nearly the box, centroid, area and volume of a part, nearest first."""
+        """Return the rows of parts with nearly the box, centroid, area and volume of a part, nearest first.
+
+        Args:
+            prepared: the part.
+            rows: rows of the parts that are compared with it.
+            settings: tolerance of the comparison, and largest number of rows.
+        """
         part = prepared.part
         own = np.r_[part.centroid, part.box.ravel(), np.sqrt(part.area / 6), np.cbrt(part.volume)]
         sizes = np.column_stack([np.sqrt(self.areas[rows] / 6), np.cbrt(self.volumes[rows])])

@@ -15,16 +15,16 @@ import numpy as np
 from tanteo.errors import TanteoError
 from tanteo.geometry import SE3
 from tanteo.geometry.limits import NOTABLE
-from tanteo.geometry.typing import BoolArray
 from tanteo.parts import Part, part_named
 from tanteo.parts.readers import mirror_part
 from tanteo.posterior.answers.priors import STATED
 from tanteo.posterior.answers.results import Answer
-from tanteo.posterior.candidates import sizes_of
+from tanteo.posterior.candidates import Candidates, sizes_of
 from tanteo.posterior.conventions import HANDS, OTHERS, Mistake
 from tanteo.posterior.findings import fits_size, scale_of
-from tanteo.posterior.prepared import prepare
+from tanteo.posterior.problem import Problem
 from tanteo.posterior.settings import DEFAULTS, Settings
+from tanteo.posterior.trial_fit import TrialFit, trial_fit
 from tanteo.sensors import Column, Readings, thinned
 from tanteo.words import Finding
 from tanteo.words.findings import Convention, MirrorConvention, MirrorQuestion, OffsetQuestion, UnitsConvention
@@ -32,46 +32,49 @@ from tanteo.words.findings import Convention, MirrorConvention, MirrorQuestion, 
 _OFFSET = 0.03
 """Standard deviation of an unstated common offset, such as a ball's radius, over the size of the largest part."""
 
-_AIMED = 3
-"""Number of iterations in which touches without a direction get one from the pose."""
 
+class Question(Protocol):
+    """The question of the answer, to be asked again of other readings."""
 
-class Search(Protocol):
-    """Function that searches again; ``bias_sd`` is the sd of a shared error along all approach directions [m]."""
+    def problem(self, readings: Readings, parts: Sequence[Part]) -> tuple[Problem, Candidates]:
+        """Return the measurements with their priors, and the candidate parts."""
 
-    def __call__(self, readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = None) -> Answer:
-        """Return the answer."""
+    def answer(self, readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = None) -> Answer:
+        """Search and return the answer; ``bias_sd`` is the sd of a shared error along all approach directions [m]."""
 
 
 def about_conventions(
     answer: Answer,
     readings: Readings,
     parts: Sequence[Part],
-    ask: Search,
+    question: Question,
     *,
     placed: bool = False,
     settings: Settings = DEFAULTS,
 ) -> Finding | None:
     """Return the usual mistake that explains readings that fit no part, or fit badly; None if there is none.
 
+    Each mistake is tried by a robust fit of the points first (:mod:`tanteo.posterior.trial_fit`). Only where that
+    explains them a search is made.
+
     Args:
-        answer: answer from the readings as they were read.
+        answer: answer from the unchanged readings.
         readings: the readings.
         parts: the candidates.
-        ask: function that searches again, with the options of the answer.
+        question: the question of the answer with all its options.
         placed: whether the pose has a prior, which a mirrored part would not satisfy.
         settings: settings of the inference.
     """
     if not is_bad(answer, settings):
-        return None if placed else _about_image(answer, readings, parts, ask)
+        return None if placed else _about_image(answer, readings, parts, question, settings)
     others = [way for way in OTHERS if not (placed and way.finding in (MirrorConvention, UnitsConvention))]
     if _is_of_size(readings, parts, settings):  # in another unit they would be of a small patch, which fits anywhere
         others = [way for way in others if way.finding is not UnitsConvention]
     some = thinned(readings, settings.search.few_points)
     found = (
-        _about_ways(HANDS, some, parts, ask, settings)
-        or _about_offset(some, parts, ask, settings)
-        or _about_ways(others, some, parts, ask, settings)
+        _about_ways(HANDS, some, parts, question, settings)
+        or _about_offset(some, parts, question, settings)
+        or _about_ways(others, some, parts, question, settings)
     )
     if found is None or len(some) == len(readings):
         return found
@@ -86,14 +89,14 @@ def _is_of_size(readings: Readings, parts: Sequence[Part], settings: Settings) -
 
 
 def _about_ways(
-    ways: Sequence[Mistake], readings: Readings, parts: Sequence[Part], ask: Search, settings: Settings
+    ways: Sequence[Mistake], readings: Readings, parts: Sequence[Part], question: Question, settings: Settings
 ) -> Convention | None:
     """Return the first interpretation of the numbers that fits; None if there is none."""
     for way in ways:
         meant = way.undo(readings)
         if meant is not None and way.finding is UnitsConvention and not _is_of_size(meant, parts, settings):
             continue
-        found = None if meant is None else _asked(ask, meant, parts)
+        found = None if meant is None else _asked(question, meant, parts, settings.search.explained)
         if found is not None and fits(found, settings):
             return way.finding(*_fitting(found), way.mistake)
     return None
@@ -116,10 +119,16 @@ def fits(answer: Answer, settings: Settings = DEFAULTS) -> bool:
     return answer.unknown_probability < 0.5 and not is_bad(answer, settings) and best.dof > 0
 
 
-def _asked(ask: Search, readings: Readings, parts: Sequence[Part], bias_sd: float | None = None) -> Answer | None:
-    """Return the answer; None for an invalid question, which leaves the first answer as it is."""
+def _asked(question: Question, readings: Readings, parts: Sequence[Part], least: float) -> Answer | None:
+    """Return the answer to other readings, if a trial fit explains at least that fraction of the points.
+
+    None for an invalid question too, which leaves the first answer as it is.
+    """
     try:
-        return ask(readings, parts) if bias_sd is None else ask(readings, parts, bias_sd=bias_sd)
+        trial = trial_fit(*question.problem(readings, parts))
+        if trial is not None and trial.rejects(least):
+            return None
+        return question.answer(readings, parts)
     except TanteoError:
         return None
 
@@ -130,30 +139,38 @@ def _fitting(answer: Answer) -> tuple[str, int, int]:
     return best.part, len(best.pairings), len(best.pairings) + len(best.outliers)
 
 
-def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask: Search) -> MirrorQuestion | None:
-    """Return that all readings fit the mirror image of a part, if some do not fit the part; None if not."""
+def _about_image(
+    answer: Answer, readings: Readings, parts: Sequence[Part], question: Question, settings: Settings
+) -> MirrorQuestion | None:
+    """Return the question of a mirror image that fits all readings where the part does not; None if none does."""
     if readings.Ts_world_hand.given.any() or answer.best is None or not answer.best.outliers:
         return None
     part = part_named(parts, answer.best.part)
     if part is None:
         return None
     image = mirror_part(part)
-    found = _asked(ask, readings, [part, image])
+    found = _asked(question, readings, [part, image], settings.search.explained)
     best = found.best if found is not None else None
     if best is None or best.part != image.name or best.outliers or best.probability < 1 - NOTABLE:
         return None
     return MirrorQuestion(part.name, best.probability)
 
 
-def _about_offset(readings: Readings, parts: Sequence[Part], ask: Search, settings: Settings) -> OffsetQuestion | None:
-    """Return that all readings fit if the surface is nearer to the sensor or farther by one distance."""
+def _about_offset(
+    readings: Readings, parts: Sequence[Part], question: Question, settings: Settings
+) -> OffsetQuestion | None:
+    """Return the question of one common offset with which all readings fit; None if there is none."""
     sd = _OFFSET * max(sizes_of(parts))
-    found = _asked(ask, readings, parts, sd)
-    for _ in range(_AIMED if _is_bare(readings).any() else 0):
-        found = None if found is None else _asked(ask, _aimed(found, readings, parts), parts, sd)
-        if found is not None and fits(found, settings):
-            break
-    if found is None or not fits(found, settings):
+    try:
+        trial = trial_fit(*question.problem(readings, parts), offset_sd=sd)
+        if trial is not None:
+            if trial.rejects(settings.search.explained) or trial.is_without_offset(settings.search.gate):
+                return None
+            readings = _aimed(readings, trial)
+        found = question.answer(readings, parts, bias_sd=sd)
+    except TanteoError:
+        return None
+    if not fits(found, settings):
         return None
     shared = found.hypotheses[0].shared
     if shared is None or not len(shared.mean):
@@ -165,19 +182,10 @@ def _about_offset(readings: Readings, parts: Sequence[Part], ask: Search, settin
     return OffsetQuestion(*_fitting(found), off, touched)
 
 
-def _is_bare(readings: Readings) -> BoolArray:
-    """Return which touches have neither direction nor normal ``(n,)``: for them an offset is noise at first."""
-    return np.asarray(readings.points.given & ~readings.directions.given & ~readings.normals.given)
-
-
-def _aimed(answer: Answer, readings: Readings, parts: Sequence[Part]) -> Readings:
-    """Return touches without direction with the normal of the best answer's part as approach direction."""
-    bare = _is_bare(readings)
-    if not answer.hypotheses:
-        return readings
-    best = answer.hypotheses[0]
-    part = part_named(parts, best.part)
-    surface, T = prepare(part).surface, best.T_world_part
+def _aimed(readings: Readings, trial: TrialFit) -> Readings:
+    """Return touches that have neither direction nor normal with the inward normal of a trial fit as direction."""
+    bare = np.asarray(readings.points.given & ~readings.directions.given & ~readings.normals.given)
+    surface, T = trial.part.surface, trial.T_world_part
     found = surface.closest(SE3.apply(SE3.inverse(T), readings.points[bare]))
     inwards = Column(bare, -surface.normals[found.triangles] @ T[:3, :3].T)
     return replace(readings, directions=inwards.coalesce(readings.directions))

@@ -32,7 +32,7 @@ class Mistake:
     Attributes:
         finding: type of the finding.
         mistake: name of the other convention.
-        undo: function that returns the readings in this convention; None where it does not apply.
+        undo: function that returns the readings in this convention; None if it does not apply to them.
     """
 
     finding: type[Convention]
@@ -85,7 +85,7 @@ def _mirrored(readings: Readings) -> Readings | None:
 
 
 def _longer(unit: str, read: str) -> Callable[[Readings], Readings | None]:
-    """Return a function that takes all lengths for those of another unit than the one that was read."""
+    """Return a function that interprets all lengths in another unit than the one that was read."""
     factor = METRES[unit] / METRES[read]
 
     def undo(readings: Readings) -> Readings | None:
@@ -100,12 +100,12 @@ def _longer(unit: str, read: str) -> Callable[[Readings], Readings | None]:
 
 
 def _order(places: int) -> Callable[[Rotations], Rotations]:
-    """Return a function that moves all numbers of quaternions on by some places, the last to the front."""
+    """Return a function that shifts the order of the components of quaternions cyclically."""
     return lambda R: SO3.from_quaternion(np.roll(SO3.as_quaternion(R), places, axis=-1))
 
 
 def _of_vector(R: Rotations) -> Rotations:
-    """Return rotations by vectors that were read as roll, pitch, yaw; of two solutions the one below a full turn."""
+    """Return rotations whose rotation vectors were read as roll, pitch, yaw; of two solutions the shorter vector."""
     pitch = np.arcsin(np.clip(-R[:, 2, 0], -1, 1))
     roll, yaw = np.arctan2(R[:, 2, 1], R[:, 2, 2]), np.arctan2(R[:, 1, 0], R[:, 0, 0])
     one = np.stack([roll, pitch, yaw], axis=-1)
@@ -117,13 +117,13 @@ def _of_vector(R: Rotations) -> Rotations:
 
 
 def _of_angles(R: Rotations) -> Rotations:
-    """Return rotations by roll, pitch and yaw that were read as a rotation vector."""
+    """Return rotations whose roll, pitch and yaw were read as a rotation vector."""
     roll, pitch, yaw = np.moveaxis(SO3.log(R), -1, 0)
     return SO3.axis_rotation(2, yaw) @ SO3.axis_rotation(1, pitch) @ SO3.axis_rotation(0, roll)
 
 
 def _of_degrees(R: Rotations) -> Rotations:
-    """Return the rotations of vectors in radians that were read as degrees."""
+    """Return rotations whose rotation vectors in radians were read as degrees."""
     return SO3.exp(np.degrees(SO3.log(R)))
 
 

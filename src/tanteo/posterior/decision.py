@@ -1,4 +1,4 @@
-"""Verdict on the searched parts: its status, the findings behind it, and the parts that were not searched."""
+"""Verdict on the searched parts: status, supporting findings, and the parts that were not searched."""
 
 from __future__ import annotations
 
@@ -67,7 +67,13 @@ class Outcome:
 def verdict_of(
     outcome: Outcome, significance: float, shared: Sequence[SharedError]
 ) -> tuple[Status, tuple[Finding, ...]]:
-    """Return the status and the findings: the verdict, what it rests on, and what is odd about the measurements."""
+    """Return the status of an answer and its findings: the verdict, its causes, and anomalies of the measurements.
+
+    Args:
+        outcome: result of the search.
+        significance: p-value below which the joint test rejects a hypothesis.
+        shared: shared errors of the measurements, in the order of the states.
+    """
     posterior, found, hypotheses, check = outcome.posterior, outcome.found, outcome.hypotheses, outcome.check
     unknown, priors = posterior.unknown, posterior.problem.priors
     status, finding = verdict(
@@ -123,7 +129,7 @@ def _doubted(findings: tuple[Finding, ...], best: GoodnessOfFit, priors: Priors)
 
 
 def _close_together(best: GoodnessOfFit) -> bool:
-    """Return whether the points are on a small patch, which many parts have twice, and nothing else fixes the pose."""
+    """Return whether the points cover a small patch, which may fit several places, and nothing else fixes the pose."""
     problem = best.mode.objective.problem
     known = problem.priors.pose is not None and problem.priors.pose.T_world_part is not None
     placed = known or bool(problem.pose_factors)

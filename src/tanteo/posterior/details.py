@@ -19,12 +19,12 @@ class Details:
     Attributes:
         log_hit: log density of each point on the part or on furniture ``(S, n)``.
         log_outlier: log density of each point as an outlier or on furniture ``(S, n)``.
-        places: number of the place of each point ``(n,)``, equal for readings of one beam; None if all have their own.
-        groups: number of the label of each point ``(n,)``; -1 without a label.
+        places: index of the place of each point ``(n,)``, equal for readings of one beam; None if all have their own.
+        groups: index of the label of each point ``(n,)``; -1 without a label.
         log_groups: log density of the points of each label on the part ``(S, G)``.
-        log_elsewhere: log density of the points of each label on a surface that is not the part's ``(G,)``.
+        log_elsewhere: log density of the points of each label on a surface of another object ``(G,)``.
         log_points: log density of all points together, with labels and outliers ``(S,)``.
-        log_there: log density of each point exactly on its most probable face, wherever that face is ``(S, n)``.
+        log_there: log density of each point if its most probable face passed through the point ``(S, n)``.
         inlier_probability: probability that the point is on the part ``(S, n)``.
         distances: signed distance of each point from its most probable face ``(S, n)`` [m].
         per_sd: one over the standard deviation along the normal of that face ``(S, n)`` [1/m].
@@ -57,22 +57,22 @@ class Details:
 
 
 def details_at(objective: Objective, Ts: Transforms, zs: FloatArray) -> Details:
-    """Evaluate the measurements at poses ``(S, 4, 4)`` and other states ``(S, D)``."""
+    """Evaluate the measurements at poses ``(S, 4, 4)`` and the other states there ``(S, D)``."""
     points = objective.problem.points
     table, faces, log_points, log_groups = _core.details(
         objective.prepared.shape, objective.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs)
     )
     outlier = outlier_log_density(points, objective.problem.priors)
     with np.errstate(divide="ignore"):
-        around = outlier + np.log(objective.problem.furniture.over_outlier)
-        hit = np.logaddexp(np.log(table[..., 0]) + outlier, around)
+        on_furniture = outlier + np.log(objective.problem.furniture.over_outlier)
+        hit = np.logaddexp(np.log(table[..., 0]) + outlier, on_furniture)
         there = np.log(table[..., 5]) + outlier
     there = np.maximum(there, hit)
     groups = objective.problem.groups
     of_groups = np.array([outlier[groups == g].sum() for g in range(log_groups.shape[1])])
     return Details(
-        hit, np.broadcast_to(np.logaddexp(outlier, around), hit.shape), points.places, groups, log_groups + of_groups,
-        objective.problem.label_evidence.log_odds + of_groups, log_points, there,
+        hit, np.broadcast_to(np.logaddexp(outlier, on_furniture), hit.shape), points.places, groups,
+        log_groups + of_groups, objective.problem.label_evidence.log_odds + of_groups, log_points, there,
         table[..., 1], table[..., 2], table[..., 3], table[..., 4],
         table[..., 6:9], table[..., 9:], faces.astype(np.int64),
     )  # fmt: skip

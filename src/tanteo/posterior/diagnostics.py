@@ -1,4 +1,4 @@
-"""Findings about measurements that are off the part, or that scatter otherwise than stated."""
+"""Findings about measurements that are off the part, or whose scatter differs from the stated noise."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from tanteo.words.findings import (  # fmt: skip
 
 
 def mostly_on(best: Hypothesis, unknown: float) -> bool:
-    """Whether the unknown object is more probable than a part that most of the points, but not all, are on."""
+    """Return whether the unknown object is more probable than a part with most, but not all, points on it."""
     return best.probability < unknown and 0 < len(best.outliers) < len(best.pairings)
 
 
 def mostly_on_part(best: Hypothesis, unknown: float) -> MostlyOnPart:
-    """Return that the unknown object is more probable than a part that most of the points are on."""
+    """Return the finding that an unknown object is more probable than the part that has most points on it."""
     return MostlyOnPart(best.part, unknown, best.outliers, len(best.outliers) + len(best.pairings))
 
 
 def against_labels(one: GoodnessOfFit, priors: Priors) -> LabelsContradicted | None:
-    """Return that more labelled points are off the part than labels are wrong; None if they are not.
+    """Return the finding that more labelled points are off the part than wrong labels explain; None if they are not.
 
     The outlier rate of a sensor is estimated and may exceed the stated one. Labels come from a person, so the stated
     rate holds for them.
@@ -46,7 +46,7 @@ def against_labels(one: GoodnessOfFit, priors: Priors) -> LabelsContradicted | N
 
 
 def outlier_finding(best: Hypothesis, priors: Priors) -> Outliers | None:
-    """Return the points that are off the part, and whether so many are expected; None if all are on it."""
+    """Return the finding about points off the part, and whether so many are expected; None if there are none."""
     outliers, n = len(best.outliers), len(best.outliers) + len(best.pairings)
     if not outliers:
         return None
@@ -55,7 +55,7 @@ def outlier_finding(best: Hypothesis, priors: Priors) -> Outliers | None:
 
 
 def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, priors: Priors) -> FaceDisplaced | None:
-    """Return the face of the part that is displaced, if it may be a near variant that differs by that one.
+    """Return the finding that the object may be the part with one displaced face; None if it is improbable.
 
     Args:
         points: the measurements.
@@ -76,19 +76,19 @@ def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, pr
 
 
 def on_furniture(one: GoodnessOfFit) -> OnFurniture | None:
-    """Return how many points are on the furniture; None if none is."""
-    around, on_it = one.mode.objective.problem.furniture, one.on_furniture
-    counts = [(name, int(np.sum(on_it & (around.which == k)))) for k, name in enumerate(around.names)]
+    """Return the finding that points are on furniture, with their number by name; None if there are none."""
+    furniture, on_it = one.mode.objective.problem.furniture, one.on_furniture
+    counts = [(name, int(np.sum(on_it & (furniture.which == k)))) for k, name in enumerate(furniture.names)]
     found = tuple((name, count) for name, count in counts if count)
     return OnFurniture(len(on_it), found) if found else None
 
 
 def scattered(best: Hypothesis, worst: WorstReading | None, *, unknown: bool = False) -> Scatter | None:
-    """Return that the points scatter more or less than stated, if that is sure, and the worst of them.
+    """Return the finding that the points scatter more or less than stated; None if that is not certain.
 
     Args:
         best: the most probable hypothesis.
-        worst: the reading that agrees least; None if no reading is far off.
+        worst: reading with the largest residual; None if no reading is far off.
         unknown: whether the answer is ``unknown``. Then only a larger scatter about the closest part matters.
     """
     scale, low, high = best.noise_scale

@@ -16,7 +16,7 @@ from tanteo.words.findings import SharedErrorLimits
 
 
 def dominant_shared_error(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErrorLimits | None:
-    """Return the shared error that contributes most to the uncertainty, if it matters; None if not.
+    """Return the finding about the shared error that contributes most to the uncertainty; None if none dominates.
 
     Args:
         one: the answer.
@@ -26,7 +26,7 @@ def dominant_shared_error(one: GoodnessOfFit, shared: Sequence[SharedError]) -> 
     information, start = mode.information, 6
     total, worst, name, source = _corner_sd(mode, information), 0.0, "", ""
     if corner_sd(mode.prepared.part, mode.covariance) > own.beyond_curvature * total:
-        return None  # the curvature of the maximum says little of how far off the pose may be, or why
+        return None  # the curvature does not describe the uncertainty
     for error in shared:
         stop = start + len(error.covariance)
         known = np.array(information)

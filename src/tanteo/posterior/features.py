@@ -26,11 +26,11 @@ def identify_features(
     top: int = TOP,
     priors: Priors | None = None,
 ) -> Answer:
-    """Return which part the sensed features are of, and its pose.
+    """Identify the part on which features were sensed, and estimate its pose.
 
-    A feature counts as the points with the same information, which share one face, edge or corner of the part (or are
-    of something else). If the points themselves are available, :func:`tanteo.identify` is better: they carry all the
-    information.
+    Each feature is replaced by points with the same information, which share one face, edge or corner of the part (or
+    are on another object). If the points themselves are available, :func:`tanteo.identify` is better: they carry all
+    the information.
 
     Args:
         features: sensed planes, edges, vertices, circles, cylinders, spheres and cones in the world; a plane whose
@@ -42,11 +42,11 @@ def identify_features(
         priors: priors; by default the radius is that of the largest part.
 
     Returns:
-        The answer, whatever its status; nothing is raised for an unkind world. Pairings and outliers are named by the
-        readings of a feature, or by its label.
+        The answer. If no part fits, its status states it; no exception is raised. Pairings and outliers are named by
+        the readings of a feature, or by its label.
 
     Raises:
-        InputError: without parts, for a ``significance`` outside (0, 1), or another kind of feature.
+        InputError: no part, ``significance`` outside (0, 1), or an unsupported kind of feature.
     """
     points = as_labelled_points(features, tolerance)
     firsts = [given[0] if isinstance(given, tuple) else given for given in features]

@@ -1,6 +1,7 @@
 """Findings about the input: units, spreads, directions, repeats, a stuck sensor, free rays through the part.
 
-Each is a typed :class:`tanteo.words.Finding`. These checks need no search; ``otherwise`` has those that do.
+Each is a typed :class:`tanteo.words.Finding`. These checks need no search;
+``convention_checks`` has those that do.
 """
 
 from __future__ import annotations
@@ -58,7 +59,14 @@ class Scale:
 
 
 def scale_of(points: Vectors, parts: Any, column: str = "", option: str = "") -> Scale:
-    """Return sizes and units of points ``(n, 3)`` [m] and of the parts of a list or a catalogue."""
+    """Return the sizes of points and parts, and the units with which they were read.
+
+    Args:
+        points: points of the readings ``(n, 3)`` [m].
+        parts: list of parts, or catalogue.
+        column: unit in the names of the readings' columns; empty if not known.
+        option: stated unit of the parts; empty if their files have their own.
+    """
     span = 2 * float(np.median(_away(points))) if len(points) >= FEWEST else 0.0
     return Scale(span, sizes_of(parts), column, option)
 
@@ -93,7 +101,14 @@ def about_readings(
 def about_frames(
     answer: Answer, scale: Scale, measured: PointMeasurements, checks: CheckSettings = DEFAULTS.checks
 ) -> Finding | None:
-    """Return which unit or direction was probably confused; None if the readings are of a known part."""
+    """Return the finding about a probably wrong unit or direction; None if a part explains the readings.
+
+    Args:
+        answer: answer from these readings.
+        scale: sizes of readings and parts.
+        measured: measurements made from the readings.
+        checks: limits of the checks.
+    """
     if answer.status != "unknown":
         return None
     return (
@@ -104,7 +119,12 @@ def about_frames(
 
 
 def about_units(scale: Scale, checks: CheckSettings = DEFAULTS.checks) -> UnitsQuestion | None:
-    """Return the units that would make both sides fit; None if they fit, or none would."""
+    """Return the finding about units with which readings and parts would be equally large; None without any.
+
+    Args:
+        scale: sizes of readings and parts, and their units.
+        checks: limits of the checks.
+    """
     if not scale.span or fits_size(scale.span, scale.sizes, checks):
         return None
     columns, files = list[str](), list[str]()
@@ -122,7 +142,12 @@ def about_units(scale: Scale, checks: CheckSettings = DEFAULTS.checks) -> UnitsQ
 
 
 def about_size(points: Vectors, scale: Scale, checks: CheckSettings = DEFAULTS.checks) -> TooNarrow | None:
-    """Return a finding about readings that are too narrow for these parts; None if they are not.
+    """Return the finding that all readings are too close together for these parts; None if they are not.
+
+    Args:
+        points: points of the readings ``(n, 3)`` [m].
+        scale: sizes of readings and parts.
+        checks: limits of the checks.
 
     Raises:
         ReadingsError: the readings are far wider than any part.
@@ -143,7 +168,13 @@ def about_size(points: Vectors, scale: Scale, checks: CheckSettings = DEFAULTS.c
 
 
 def about_spread(covs: Covariances, scale: Scale, checks: CheckSettings = DEFAULTS.checks) -> Finding | None:
-    """Return a finding about standard deviations that no sensor has; None if they are plausible."""
+    """Return the finding about an implausible standard deviation; None if it is plausible.
+
+    Args:
+        covs: covariance of each point ``(n, 3, 3)`` [m^2].
+        scale: sizes of readings and parts.
+        checks: limits of the checks.
+    """
     if not len(covs):
         return None
     sd = float(np.median(np.sqrt(np.trace(covs, axis1=1, axis2=2) / 3)))
@@ -153,9 +184,13 @@ def about_spread(covs: Covariances, scale: Scale, checks: CheckSettings = DEFAUL
 
 
 def about_directions(points: Vectors, directions: Vectors, checks: CheckSettings = DEFAULTS.checks) -> Finding | None:
-    """Return a finding about directions most of which point outward; None if they do not.
+    """Return the finding that most approach directions point outward; None if they do not.
 
-    Directions are ``(n, 3)``, NaN where unknown; outward is away from the middle of the points.
+    Args:
+        points: points of the readings ``(n, 3)`` [m].
+        directions: approach direction of each point ``(n, 3)``; NaN where unknown. A direction away from the middle of
+            the points is outward.
+        checks: limits of the checks.
     """
     known = np.isfinite(directions).all(axis=1)
     if known.sum() < FEWEST:
@@ -168,7 +203,13 @@ def about_directions(points: Vectors, directions: Vectors, checks: CheckSettings
 
 
 def about_normals(normals: Vectors, directions: Vectors, checks: CheckSettings = DEFAULTS.checks) -> Finding | None:
-    """Return a finding about sensed normals that point into the material; None if they do not."""
+    """Return the finding that sensed normals point into the material; None if they do not.
+
+    Args:
+        normals: sensed normal of each point ``(n, 3)``; NaN where unknown.
+        directions: approach direction of each point ``(n, 3)``; NaN where unknown.
+        checks: limits of the checks.
+    """
     cosines = np.sum(normals * directions, axis=1)
     known = cosines[np.isfinite(cosines)]
     if len(known) < FEWEST or np.mean(known > 0) <= 1 - checks.outward:
@@ -179,7 +220,7 @@ def about_normals(normals: Vectors, directions: Vectors, checks: CheckSettings =
 def _gone_through(
     answer: Answer, free: FreeRays, ids: Sequence[str], parts: Sequence[Part], settings: Settings
 ) -> FreeSpaceCrossed | None:
-    """Return the free-space rays that the part of the best answer surely blocks; None if it blocks none."""
+    """Return the finding about free-space rays that the best part surely blocks; None if it blocks none."""
     if not answer.hypotheses or not len(free):
         return None
     best = answer.hypotheses[0]
@@ -195,7 +236,7 @@ def _gone_through(
 def _too_wide(
     answer: Answer, measured: PointMeasurements, parts: Sequence[Part], checks: CheckSettings
 ) -> TooFarApart | None:
-    """Return that readings of no known part are farther apart than any part; None if they are not."""
+    """Return the finding that readings which fit no part are farther apart than any part; None if they are not."""
     if answer.status != "unknown" or not len(measured.points):
         return None
     away = float(np.median(np.linalg.norm(measured.points - np.median(measured.points, axis=0), axis=1)))
@@ -211,12 +252,18 @@ def _away(points: Vectors) -> FloatArray:
 
 
 def _others(unit: str) -> tuple[str, ...]:
-    """Return the unit and the units with which it may be confused; itself alone if it was not a choice."""
+    """Return the unit and those with which it may be confused; the unit alone if none was stated."""
     return (unit, *(u for u in UNITS if u != unit)) if unit else (unit,)
 
 
 def fits_size(span: float, sizes: Sequence[float], checks: CheckSettings = DEFAULTS.checks) -> bool:
-    """Return whether readings of that span may be of a part of one of these sizes [m]."""
+    """Return whether readings with a span can be on a part of one of the sizes.
+
+    Args:
+        span: extent of the readings [m].
+        sizes: diagonals of the parts [m].
+        checks: limits of the checks.
+    """
     size = np.asarray(sizes)
     ratio = span / size
     wide = (checks.least_span <= ratio) & (ratio <= LARGER)

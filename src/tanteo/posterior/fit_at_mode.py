@@ -26,7 +26,7 @@ class GoodnessOfFit:
         mode: the mode.
         at: evaluation of the measurements at the maximum (one pose).
         per_stated_sd: one over the stated standard deviation of each point along its normal ``(n,)`` [1/m].
-        free: motions that nothing constrains, the part's symmetries first, over ``part_scale`` ``(m, 6)``.
+        free: motions that nothing constrains, the part's symmetries first, in units of ``part_scale`` ``(m, 6)``.
     """
 
     mode: Mode
@@ -55,12 +55,12 @@ class GoodnessOfFit:
         inliers, tilts, factors = self.inliers, self.at.tilts[0], self.mode.objective.problem.points.factors
         points = float(np.sum((self.at.distances[0] * self.per_stated_sd)[inliers] ** 2))
         across = sum(factor.codimension for factor, on in zip(factors, inliers, strict=True) if on)
-        told = 2 * int(np.count_nonzero(tilts[inliers]))
+        tilt_dof = 2 * int(np.count_nonzero(tilts[inliers]))
         tilted = float(np.sum(tilts[inliers] ** 2))
-        return Misfit(points, tilted, across + told - 6, self.mode.objective.problem.scale_sd, across - 6)
+        return Misfit(points, tilted, across + tilt_dof - 6, self.mode.objective.problem.scale_sd, across - 6)
 
     def states_from_priors(self, rows: FloatArray) -> float:
-        """Return the number of states that priors or nothing determine instead of the points.
+        """Return the effective number of states that the points do not determine.
 
         Args:
             rows: whitened derivatives of the prior of the pose ``(m, 6)``.
@@ -87,26 +87,26 @@ def _free(mode: Mode, information: FloatArray) -> Tangents:
     """Return the motions that nothing constrains, except those that ends of faces constrain nearly as well."""
     part, own = mode.prepared.part, mode.objective.problem.settings.samples
     scale, known = part_scale(part), symmetry_motions(part)
-    told = without_symmetry(part, np.asarray(np.linalg.inv(mode.covariance), dtype=np.float64))
-    if mode.maxima > 1 and mode.ess >= own.shape:  # each maximum by itself seems to hold what all together leave free
-        return weak_motions(told, scale, fixed=known)
+    sampled = without_symmetry(part, np.asarray(np.linalg.inv(mode.covariance), dtype=np.float64))
+    if mode.maxima > 1 and mode.ess >= own.shape:  # each maximum alone seems to constrain what all together leave free
+        return weak_motions(sampled, scale, fixed=known)
     free = weak_motions(information, scale, fixed=known)
     if len(free) == len(known) or mode.ess < own.shape:
         return free
-    held = weak_motions(told, scale, own.edge_held_sd, fixed=known)
-    return held if len(held) < len(free) else free
+    constrained = weak_motions(sampled, scale, own.edge_sd, fixed=known)
+    return constrained if len(constrained) < len(free) else free
 
 
 def face_names(one: GoodnessOfFit) -> list[str]:
-    """Return the name of the element that is nearest to each point."""
+    """Return the name of the face, edge, vertex or furniture that is nearest to each point."""
     part = one.mode.prepared.part
-    around, furniture = one.mode.objective.problem.furniture, one.on_furniture
+    furniture, on_it = one.mode.objective.problem.furniture, one.on_furniture
     names = [_name_of(part, int(f)) for f in one.at.faces[0]]
-    return [around.names[around.which[k]] if furniture[k] else name for k, name in enumerate(names)]
+    return [furniture.names[furniture.which[k]] if on_it[k] else name for k, name in enumerate(names)]
 
 
 def _name_of(part: Part, number: int) -> str:
-    """Return the name of an element of the core: a face; beyond -1 edges, vertices, then landmarks."""
+    """Return the name of an element by its number in the core: faces from 0; below -1 edges, vertices, landmarks."""
     k, edges, corners = -2 - number, len(part.edges), len(part.corners)
     if number >= 0:
         return part.faces[number].name
@@ -120,8 +120,8 @@ def _name_of(part: Part, number: int) -> str:
 def information_by_point(mode: Mode) -> FloatArray:
     """Return the information of each point on the pose at the maximum, given shared errors ``(n, 6, 6)``.
 
-    Part frame, right perturbation [m, rad]. Each point is evaluated alone: a point that the others make an outlier
-    counts as far as it is an inlier by itself.
+    Part frame, right perturbation [m, rad]. Each point is evaluated alone, with the inlier probability that it has
+    without the other points.
     """
     objective, problem = mode.objective, mode.objective.problem
     out = np.zeros((len(problem.points), 6, 6))

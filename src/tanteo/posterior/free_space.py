@@ -19,7 +19,7 @@ from tanteo.posterior.settings import DEFAULTS, Settings
 _DIRECTIONS = 8
 """Numerical: directions across a ray in which it is moved; between two of them the offset is 8 % less than stated."""
 
-_AROUND = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
+_ANGLES = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
 """Directions across a ray in which it is moved [rad]."""
 
 
@@ -33,7 +33,7 @@ def _across(directions: Vectors) -> FloatArray:
 
 
 def _passed(free: FreeRays, Ts: Transforms, z: FloatArray, part: PreparedPart) -> tuple[FloatArray, FloatArray]:
-    """Return the probability that each path passes the part, and the distance of its first hit [m] ``(S, m)``."""
+    """Return the probability that each ray passes the part, and the distance of its first hit [m] ``(S, m)``."""
     origins, directions = free.at(z)
     local, along = (origins - Ts[:, None, :3, 3]) @ Ts[:, :3, :3], directions @ Ts[:, :3, :3]
     hits = _echoes(part, local, along, free.incidences)
@@ -57,13 +57,13 @@ def gone_through(
     part: PreparedPart,
     settings: Settings = DEFAULTS,
 ) -> FloatArray:
-    """Return how far before its end the part blocks each path ``(m,)`` [m]; zero if the path may pass it.
+    """Return the length of each free-space ray that the part surely blocks ``(m,)`` [m]; 0 if the ray may pass.
 
     Args:
-        free: paths without an echo.
+        free: rays without an echo.
         T: pose of the part ``(4, 4)``.
         covariance: covariance of the pose ``(6, 6)``, part frame, right perturbation [m, rad].
-        shared: whitened shared errors that move the paths, given the pose; None if there are none.
+        shared: whitened shared errors that move the rays, given the pose; None if there are none.
         part: the part.
         settings: settings of the inference, for the extent of an error.
     """
@@ -75,26 +75,26 @@ def gone_through(
     passed, hits = _passed(free, T[None], shared.mean[None], part)
     rows = np.flatnonzero(passed[0] < 0.5)
     if len(rows):
-        met = hits[0, rows]
-        sure = _surely(free.take(rows), T, covariance, shared, part, met, settings.search.reach_sds)
-        out[rows[sure]] = (free.lengths[rows] - met)[sure]
+        hit = hits[0, rows]
+        sure = _surely(free.take(rows), T, covariance, shared, part, hit, settings.search.reach_sds)
+        out[rows[sure]] = (free.lengths[rows] - hit)[sure]
     return out
 
 
 def _surely(
-    free: FreeRays, T: Transforms, C: Covariances, shared: SharedGiven, part: PreparedPart, met: FloatArray, gate: float
+    free: FreeRays, T: Transforms, C: Covariances, shared: SharedGiven, part: PreparedPart, hit: FloatArray, gate: float
 ) -> BoolArray:
-    """Return which paths meet the part even if path and part are off by any probable error ``(m,)``.
+    """Return which rays hit the part even if ray and part are displaced by any probable error ``(m,)``.
 
-    Of a cone all rays have to meet it; its rim is at two of the standard deviations in ``slopes``.
+    All rays of a cone have to hit it. The rim of the cone is at two of the standard deviations in ``slopes``.
     """
     origins, directions = (np.broadcast_to(x, (1, len(free), 3))[0] for x in free.at(shared.mean[None]))
     start, along = (origins - T[:3, 3]) @ T[:3, :3], directions @ T[:3, :3]
-    S = _between(free, T, C, shared, part, start + met[:, None] * along, met)
-    beside, cone = np.eye(3) - along[:, :, None] * along[:, None, :], (2 / gate * free.slopes * met) ** 2
+    S = _between(free, T, C, shared, part, start + hit[:, None] * along, hit)
+    beside, cone = np.eye(3) - along[:, :, None] * along[:, None, :], (2 / gate * free.slopes * hit) ** 2
     values, vectors = np.linalg.eigh(beside @ (S + cone[:, None, None] * np.eye(3)) @ beside)
     axes = vectors[..., 1:] * np.sqrt(values[:, None, 1:].clip(0))
-    starts = start[:, None] + gate * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=1) @ np.swapaxes(axes, 1, 2)
+    starts = start[:, None] + gate * np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1) @ np.swapaxes(axes, 1, 2)
     end = _ends(free, part) - gate * np.sqrt(np.einsum("mi,mij,mj->m", along, S, along))
     echoes = _echoes(part, starts, np.broadcast_to(along[:, None], starts.shape), free.incidences[:, None])
     return np.all(echoes < end[:, None], axis=1)
@@ -109,9 +109,9 @@ def _between(
     points: Vectors,
     far: FloatArray,
 ) -> Covariances:
-    """Return covariances of points on paths relative to the part, in its frame ``(m, 3, 3)`` [m^2].
+    """Return covariances of points on rays relative to the part, in its frame ``(m, 3, 3)`` [m^2].
 
-    A shared error that moves readings and paths equally moves the pose as well, so it does not count.
+    A shared error that moves readings and rays equally moves the pose as well, so it does not count.
     """
     own = -np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), -SO3.hat(points)], axis=2)
     by_shared = np.zeros((len(points), 3, len(shared.mean)))

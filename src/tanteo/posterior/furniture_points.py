@@ -1,4 +1,4 @@
-"""Measurements that may be of furniture: the table, a vise, a fixture (decision 64)."""
+"""Measurements that may be on furniture: the table, a vise, a fixture (decision 64)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class FurniturePoints:
 
 
 def weigh_furniture(points: ContactPoints, priors: Priors, settings: SearchSettings) -> FurniturePoints:
-    """Evaluate all furniture, the table included, for every point.
+    """Return which points may be on furniture, the table included, and with what odds.
 
     The prior odds of furniture are estimated from the number of points that are more probable there than as outliers.
     Labelled points and those of edges and vertices may be on furniture like all others.
@@ -54,7 +54,7 @@ def weigh_furniture(points: ContactPoints, priors: Priors, settings: SearchSetti
         return FurniturePoints((), np.zeros(n, dtype=np.int64), np.zeros(n), FreeRays.none())
     log = np.stack([f.log_density(points.points, points.covs, points.radii, points.directions) for f in furniture])
     over = log.max(axis=0) - log_outlier - np.where(points.oriented, np.log(4 * np.pi), 0.0)
-    over = np.where(points.centres, -np.inf, over)  # what stands around has no holes that anybody measures
+    over = np.where(points.centres, -np.inf, over)  # nothing measures holes of furniture
     count = int(np.sum(over > 0))
     odds = np.log(count + JEFFREYS) - np.log(n - count + JEFFREYS)
     weighed = np.exp(np.minimum(over + odds, 600.0))
@@ -88,5 +88,5 @@ def _paths(points: ContactPoints, on_it: BoolArray, own: SearchSettings) -> Free
 
 
 def outlier_log_density(points: ContactPoints, priors: Priors) -> FloatArray:
-    """Return the log density of each measurement if it is an outlier, or of an unknown object ``(n,)``."""
+    """Return the log density of each measurement if it is an outlier or on an unknown object ``(n,)``."""
     return np.array([factor.log_outlier(priors.radius) for factor in points.factors], dtype=np.float64)

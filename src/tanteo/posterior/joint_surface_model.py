@@ -18,12 +18,19 @@ _AXIS_STEPS = 3
 
 
 def log_joint_surfaces(facets: Facets, share: float, radius: float, settings: Settings = DEFAULTS) -> float:
-    """Return the log density of facets of one made object over that of independent facets."""
+    """Return the log density of facets of one made object over that of independent facets.
+
+    Args:
+        facets: pieces of planes.
+        share: fraction of the faces along three perpendicular axes.
+        radius: radius of the object [m].
+        settings: settings of the inference.
+    """
     return log_right_angled(facets, share, settings) + log_level(facets, radius, settings)
 
 
 def log_level(facets: Facets, radius: float, settings: Settings = DEFAULTS) -> float:
-    """Return the log density of the places of facets: parallel facets may be of one plane.
+    """Return the log density of the positions of facets over that of independent facets: some share a plane.
 
     Args:
         facets: pieces of planes.
@@ -34,21 +41,21 @@ def log_level(facets: Facets, radius: float, settings: Settings = DEFAULTS) -> f
     for k in range(1, len(facets)):
         tilts = facets.covariances[:k] + facets.covariances[k]
         rotated = n[:k] - n[k]
-        alike = np.sum(rotated**2, axis=1) < settings.search.reach_sds**2 * np.trace(tilts, axis1=1, axis2=2)
-        alike &= np.isfinite(facets.variances[:k] + facets.variances[k])
-        if not alike.any():
+        parallel = np.sum(rotated**2, axis=1) < settings.search.reach_sds**2 * np.trace(tilts, axis1=1, axis2=2)
+        parallel &= np.isfinite(facets.variances[:k] + facets.variances[k])
+        if not parallel.any():
             continue
-        way = facets.points[k] - facets.points[:k][alike]
-        off = np.sum(way * n[:k][alike], axis=1)
-        levers = np.einsum("ki,kij,kj->k", way, facets.covariances[:k][alike], way)
-        variance = facets.variances[:k][alike] + facets.variances[k] + levers
+        offset = facets.points[k] - facets.points[:k][parallel]
+        off = np.sum(offset * n[:k][parallel], axis=1)
+        levers = np.einsum("ki,kij,kj->k", offset, facets.covariances[:k][parallel], offset)
+        variance = facets.variances[:k][parallel] + facets.variances[k] + levers
         log = np.log(2 * radius) - 0.5 * np.log(2 * np.pi * variance) - 0.5 * off**2 / variance
-        total += float(log_even(log.max()))  # half of such faces are that one (decision 62)
+        total += float(log_even(log.max()))  # half of parallel facets share a plane (decision 62)
     return total
 
 
 def log_right_angled(facets: Facets, share: float, settings: Settings = DEFAULTS) -> float:
-    """Return the log density of directions, a fraction of which run along three perpendicular axes.
+    """Return the log density of normals over that of independent ones: a fraction is along perpendicular axes.
 
     Args:
         facets: pieces of planes.
@@ -75,7 +82,7 @@ def log_right_angled(facets: Facets, share: float, settings: Settings = DEFAULTS
 def _axes_of_pairs(normals: Vectors, count: int) -> FloatArray:
     """Return perpendicular axes through pairs of directions, as columns ``(F, 3, 3)``.
 
-    Of two parallel directions, the axes run through one.
+    If the two directions are parallel, one axis is along both.
     """
     a, b = np.triu_indices(len(normals), 1)
     cosines = np.abs(np.sum(normals[a] * normals[b], axis=1))

@@ -1,7 +1,7 @@
 """Evidence of labels for an unknown object: points of one label share a plane, a line or a point.
 
-Points anywhere in space hardly ever lie in one plane. So a label whose points do is no evidence for the parts that have
-such a face: an unknown object has one, too.
+Points anywhere in space hardly ever lie in one plane. But a label whose points do is no evidence for the parts that
+have such a face, because an unknown object has flat faces, too.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Facets:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LabelEvidence:
-    """Densities of measurements that are not of the part, over those of independent outliers.
+    """Densities of measurements on an unknown object, over those of independent outliers.
 
     Attributes:
         log_odds: log density of the points of each label on a surface of their own, over that of outliers ``(G,)``.
@@ -57,7 +57,7 @@ class LabelEvidence:
 
 
 def groups_of(points: ContactPoints) -> IntArray:
-    """Return the number of the label of each point ``(n,)``; -1 if its label gives no information."""
+    """Return the index of the label of each point ``(n,)``; -1 if its label gives no information."""
     counts: dict[tuple[str, str], int] = {}
     keys = list(zip(points.labels, points.kinds, strict=True))
     for key in keys:
@@ -87,7 +87,7 @@ def label_evidence(points: ContactPoints, groups: IntArray, radius: float) -> La
         free = 3 - own.factors[0].codimension
         if own.factors[0].round_face:  # a wall may bend in any way
             continue
-        if len(own) <= free:  # two points tell the direction of an edge, or that they meet, and nothing of a face
+        if len(own) <= free:  # two points fix the direction of an edge, but no face
             continue
         log, facet = _shared(own, radius)
         if len(own) > 2 or not free:
@@ -144,7 +144,7 @@ def _integral(
     """Return the log integral over a plane, line or point, over the density of outliers; its state and covariance.
 
     Args:
-        points: points that are on it.
+        points: points on the plane, line or point.
         S: covariances of the points across it ``(n, m, m)`` [m^2].
         J: derivatives of the points by its states, the shared errors last ``(n, m, k)``.
         off: deviations of the points from its first estimate ``(n, m)`` [m].
@@ -152,7 +152,7 @@ def _integral(
     """
     m = off.shape[1]
     states = m * (4 - m)  # of the plane, line or point, before the shared errors
-    room = {1: 2 * radius, 2: np.pi * radius**2, 3: 4 / 3 * np.pi * radius**3}[m]
+    volume = {1: 2 * radius, 2: np.pi * radius**2, 3: 4 / 3 * np.pi * radius**3}[m]
     turns = {1: 4 * np.pi if points.inward.any() else 2 * np.pi, 2: 2 * np.pi, 3: 1.0}[m]
     W = np.linalg.inv(S)
     H = np.einsum("nai,nab,nbj->ij", J, W, J)
@@ -160,8 +160,8 @@ def _integral(
     pull = np.einsum("nai,nab,nb->i", J, W, off)
     best = np.linalg.solve(H, pull)
     chi2 = float(np.einsum("na,nab,nb->", off, W, off) - pull @ best)
-    log = -np.log(room * turns) + 0.5 * states * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(H)[1] - 0.5 * chi2
-    log += len(points) * (np.log(room) - 0.5 * m * np.log(2 * np.pi)) - 0.5 * np.linalg.slogdet(S)[1].sum()
+    log = -np.log(volume * turns) + 0.5 * states * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(H)[1] - 0.5 * chi2
+    log += len(points) * (np.log(volume) - 0.5 * m * np.log(2 * np.pi)) - 0.5 * np.linalg.slogdet(S)[1].sum()
     return float(log), best, np.linalg.inv(H)
 
 
@@ -175,10 +175,10 @@ def _log_together(reach: float, n: int, free: int, radius: float) -> float:
         radius: radius of the object [m].
     """
     sizes = radius * 0.5 ** np.arange(_SIZES)
-    held = sizes[sizes >= min(reach, radius)]
+    possible = sizes[sizes >= min(reach, radius)]
     anywhere, own = {
-        0: (1.0, 1.0 + 0 * held),
-        1: (4 / 3 * radius, 2 * held),
-        2: (2 / 3 * np.pi * radius**2, np.pi * held**2),
+        0: (1.0, 1.0 + 0 * possible),
+        1: (4 / 3 * radius, 2 * possible),
+        2: (2 / 3 * np.pi * radius**2, np.pi * possible**2),
     }[free]
     return float(log_sum((n - 1) * np.log(anywhere / own)) - np.log(_SIZES))

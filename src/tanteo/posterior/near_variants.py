@@ -1,8 +1,8 @@
-"""Near variants: objects like a part that differ anywhere, or by one displaced face.
+"""Near variants of a part: objects that differ from it anywhere, or by one displaced face.
 
-A near variant looks like the part with more outliers than the sensor makes. These may be anywhere (decision 35). Or
-they agree: a variant has a higher step, a wider bore or a thicker wall, and all readings of that face are off by the
-same distance (decision 49). Outliers of a sensor do not agree.
+The readings of a near variant fit the part with more outliers than the sensor makes. They may be off anywhere (decision
+35). Or they agree: a variant has a higher step, a wider bore or a thicker wall, and all readings of that face are off
+by the same distance (decision 49). Outliers of a sensor do not agree.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def log_density_of_near_variant(at: Details, part: Part, mean: float) -> FloatAr
 
 
 def log_density_by_surfaces(at: Details, mean: float) -> FloatArray:
-    """Return the log density if any fraction of the surface is displaced, labels and beams as units ``(S,)``.
+    """Return the log density if any fraction of the surface is displaced; a label or a beam is one unit ``(S,)``.
 
     Args:
         at: the readings at the poses.
@@ -163,10 +163,10 @@ def _about(
 def by_place(
     log_hit: FloatArray, log_outlier: FloatArray, mean: float, places: IntArray | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return log densities of all readings of each place, if the surface is there and if it is displaced ``(S, P)``.
+    """Return the log density of the readings of each place, if the surface is nominal and if displaced ``(S, P)``.
 
-    At one place the surface is there or displaced for all readings. If one of them is on the part, the others are
-    outliers of the sensor.
+    At one place the surface is nominal for all readings, or displaced for all. If one reading is on the part, others at
+    the same place are outliers of the sensor.
 
     Args:
         log_hit: log density of each reading if it is on the part ``(S, n)``.

@@ -34,8 +34,8 @@ class PartSearch:
         restarts: number of rounds so far.
         along: poses on a ridge of the posterior that are no maxima, as bases of the sampler; None without.
         trusted: whether the mode was normal before the last measurement.
-        known: poses that earlier stages found; None without.
-        exhaustive: whether these are all poses that the measurements allow.
+        known: poses that earlier stages found; None if there are none.
+        exhaustive: whether the known poses are all poses that the measurements allow.
         log_odds: log odds of the part by its global properties (mass, size, outline).
     """
 
@@ -63,7 +63,7 @@ class PartSearch:
         return self._constant + float(log_sum(self.peaks.evidence)) if len(self.peaks) else -np.inf
 
     def log_rare(self, times: int | None = None) -> float:
-        """Return the log-evidence of maxima to which fewer sources led; to be surely found if None."""
+        """Return the log-evidence of maxima that fewer than ``times`` sources found; None for ``sure_sources``."""
         rare = self.peaks.evidence[self.peaks.times < (self.settings.sure_sources if times is None else times)]
         return self._constant + float(log_sum(rare)) if len(rare) else -np.inf
 
@@ -102,7 +102,7 @@ class PartSearch:
             self.along = along_ridge(objective, from_prior(objective.problem, objective.prepared, count, self.rng))
 
     def add(self, found: InitialPoses) -> None:
-        """Settle and maximize initial poses, and merge the maxima."""
+        """Refine and maximize initial poses, and merge the maxima with those found before."""
         if not len(found):
             return
         objective, refined = self.objective, found.refined
@@ -113,13 +113,13 @@ class PartSearch:
         self.peaks = objective.merged(self.peaks, rest.join(near), self.settings.maximized)
 
     def pass_on(self, Ts: Transforms, proposer: Proposer) -> None:
-        """Try the best poses of other parts."""
+        """Maximize from the best poses of other parts."""
         self._others = Ts
         self.propose(proposer)
         self._others = Ts[:0]
 
     def _take_other_points(self) -> None:
-        """Propose from other points, settle on them."""
+        """Choose other points for proposals and refinement."""
         points, others = self.objective.problem.points, self.objective.problem.furniture.others
         count = self.settings.points
         if len(others) <= count:
@@ -128,7 +128,7 @@ class PartSearch:
         self.objective, self.pairs = replace(self.objective, rows=rows), far_pairs(points, rows, count)
 
     def on_the_part(self) -> BoolArray:
-        """Return which points the best maximum has on the part ``(m,)``, without those on furniture."""
+        """Return whether each point is on the part at the best maximum ``(m,)``; points on furniture do not count."""
         others = self.objective.problem.furniture.others
         if not len(others) or not len(self.peaks):
             return np.zeros(len(others), dtype=bool)
@@ -136,7 +136,7 @@ class PartSearch:
         return np.asarray(best.inlier_probability[0, others] > 0.5)
 
     def is_good_fit(self) -> bool:
-        """Return whether the best maximum has nearly all points on the part, with noise as it is known."""
+        """Return whether nearly all points are on the part at the best maximum, with no more noise than known."""
         on = self.on_the_part()
         scaled = self.objective.problem.scale_sd > 0 and len(self.peaks) > 0
         is_noisy = scaled and float(self.peaks.zs[0, -1]) > 1
@@ -157,7 +157,7 @@ def start_search(problem: Problem, prepared: PreparedPart, rng: np.random.Genera
 def start_searches(
     problem: Problem, parts: Sequence[PreparedPart], rngs: Sequence[np.random.Generator]
 ) -> list[PartSearch]:
-    """Return searches of several parts; what depends on the points alone is computed once."""
+    """Return searches of several parts before their first round; data of the points is computed once for all."""
     count = problem.settings.search.points
     rows, planes = spread(problem, count), sensed_planes(problem, problem.points.take(problem.furniture.others))
     pairs, none = far_pairs(problem.points, rows, count), Peaks.none(problem.states)
@@ -175,6 +175,6 @@ def spread(problem: Problem, count: int) -> Indices:
 
 
 def common_random_numbers(rng: np.random.Generator, count: int) -> list[np.random.Generator]:
-    """Return as many generators, all of which draw the same: parts differ by their fit, not by luck."""
+    """Return generators that all draw the same numbers (common random numbers): parts then differ only by their fit."""
     seed = int(rng.integers(2**63))
     return [np.random.default_rng(seed) for _ in range(count)]

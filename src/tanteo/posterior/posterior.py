@@ -33,11 +33,11 @@ class Posterior:
         modes: modes, best first.
         unknown: probability of the unknown object.
         log_evidence: log-evidence of the measurements over all parts and the unknown object.
-        missing: probability of all maxima that one source alone led to, an estimate of what the search missed.
+        missing: probability of all maxima that only one source found, the Good-Turing estimate of the missed maxima.
         searches: searches of the parts.
-        log_priors: log of the prior probability of these parts ``(P,)``.
+        log_priors: log of the prior probability of the searched parts ``(P,)``.
         log_anywhere: log-evidence of an unknown object that is like no part, its prior included.
-        unsearched: probability of the unknown object that parts without a search may have at most.
+        unsearched: largest part of ``unknown`` for which parts without a search may account.
     """
 
     problem: Problem
@@ -62,17 +62,17 @@ def infer(
     exhaustive: bool = False,
     unsearched: Unsearched | None = None,
 ) -> Posterior:
-    """Search, sample and return the posterior.
+    """Search the parts, sample their maxima, and return the posterior.
 
     Args:
         problem: measurements and priors.
         parts: parts to search.
-        count: number of all parts.
+        count: number of all candidates, pruned ones included.
         centroid: mean of the centroids of all parts, in their frames ``(3,)`` [m].
         rng: generator of all draws.
-        known: initial poses of each of these parts; None without.
-        exhaustive: whether these are all poses that labels and normals allow.
-        unsearched: the parts that are not searched.
+        known: initial poses of each searched part; None without initial poses.
+        exhaustive: whether the initial poses are all poses that labels and normals allow.
+        unsearched: the parts that are not searched; None if all are.
     """
     prior = float(np.log1p(-problem.priors.unknown) - np.log(max(count, 1)))
     anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid)
@@ -83,7 +83,7 @@ def infer(
 def search_about(
     problem: Problem, proposals: Sequence[tuple[PreparedPart, Transforms]], rng: np.random.Generator
 ) -> list[PartSearch]:
-    """Return the maxima of parts to which proposed poses lead, without any further search.
+    """Maximize the posterior of parts from proposed poses alone, and return the searches.
 
     Args:
         problem: measurements and priors.
@@ -122,7 +122,7 @@ def weigh(
     *,
     log_left_out: float = -np.inf,
 ) -> Posterior:
-    """Sample the regions that matter and weigh them all.
+    """Return the posterior from finished searches: sample the probable regions, and normalize over all parts.
 
     Args:
         problem: measurements and priors.
@@ -152,14 +152,14 @@ def weigh(
         masses = np.array([mode.log_mass for mode in own_modes])
         variants.append(_log_variant(sampler.objective, _at_peaks(own_modes, sampler), masses))
     given_unknown = np.array(variants) - np.log1p(-problem.priors.unknown)
-    # near variants of parts are told apart by points only (decision 87)
+    # only points distinguish near variants of parts (decision 87)
     own = log_unknown(anywhere, given_unknown, problem.priors) if len(problem.points) else anywhere
     log_none = float(log_sum([own, log_left_out]))
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))
     most = max((mode.log_mass for mode in modes), default=0.0)
-    modes.sort(key=lambda mode: round(most - mode.log_mass, 3))  # twins, which end nearly alike, keep their order
+    modes.sort(key=lambda mode: round(most - mode.log_mass, 3))  # twins of nearly equal mass keep their order
     modes = [mode for k, mode in enumerate(modes) if not k or mode.log_mass > total - negligible]
-    total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))  # what is left out has no probability
+    total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))  # dropped modes have no probability
     kept = [replace(mode, probability=float(np.exp(mode.log_mass - total))) for mode in modes]
     once, unknown = missing([s for s, *_ in found]), float(np.exp(log_none - total))
     unseen = float(np.exp(log_left_out - total))

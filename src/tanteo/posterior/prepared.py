@@ -70,7 +70,7 @@ class PreparedPart:
         return faces_of(self.part)
 
     def close(self) -> None:
-        """Release what can be reopened quickly, because a catalogue has too many parts to keep all open."""
+        """Release the compiled shape of a catalogue part to save memory; it is opened again on its next use."""
         if "stored" in self.part.derived:
             self.__dict__.pop("shape", None)
 
@@ -86,7 +86,7 @@ class PreparedPart:
 
 
 def prepare(part: Part | PreparedPart) -> PreparedPart:
-    """Return a prepared part, which is stored with the part."""
+    """Return the prepared part, which is made once and stored with the part."""
     if isinstance(part, PreparedPart):
         return part
     part = getattr(part, "part", part)
@@ -99,7 +99,11 @@ def prepare(part: Part | PreparedPart) -> PreparedPart:
 def prepare_all(name: str, parts: Any) -> tuple[PreparedPart, ...]:
     """Return one part or several, prepared.
 
+    Args:
+        name: name of the argument, for the error message.
+        parts: one part, a sequence of parts, or a catalogue.
+
     Raises:
-        InputError: paths, or something else in the place of parts.
+        InputError: ``parts`` are paths or objects of another type.
     """
     return tuple(part if isinstance(part, PreparedPart) else prepare(part) for part in as_parts(name, parts))

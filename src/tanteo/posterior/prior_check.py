@@ -34,7 +34,7 @@ class PriorCheck:
 
     Attributes:
         p: p-value of the prior pose; 1 without a prior.
-        other: posterior without the prior, if a part explains the measurements far better elsewhere; None otherwise.
+        other: posterior without the prior, if a part explains the measurements far better at another pose; else None.
     """
 
     p: float = 1.0
@@ -42,17 +42,17 @@ class PriorCheck:
 
     @property
     def elsewhere(self) -> str:
-        """Return the name of the part that explains the measurements elsewhere; empty if there is none."""
+        """Return the name of the part that explains the measurements better at another pose; empty without one."""
         return self.other.modes[0].prepared.part.name if self.other is not None else ""
 
 
 def check_prior(
     posterior: Posterior, best: Hypothesis | None, without: Callable[[], Posterior], significance: float
 ) -> PriorCheck:
-    """Whether the prior of the pose is contradicted: near the answer, or by an answer without it.
+    """Check whether measurements contradict the prior of the pose, near the answer or by a better answer without it.
 
-    If the prior is true, measurements are ``1 / significance`` times denser without it in at most ``significance`` of
-    all cases, whatever their distribution, because both densities integrate to one.
+    If the prior is true, the density without it exceeds that with it by a factor ``1 / significance`` in at most a
+    fraction ``significance`` of all cases, for any distribution, because both densities integrate to one.
 
     Args:
         posterior: the posterior.
@@ -79,7 +79,7 @@ def check_prior(
 
 
 def is_good_fit(one: GoodnessOfFit, rate: float) -> bool:
-    """Whether a mode has the residuals of noise, and no more outliers than that rate makes."""
+    """Return whether the residuals of a mode are noise, and its outliers no more than the rate explains."""
     outliers, n = int(np.sum(one.outliers)), len(one.outliers)
     if beta_binomial_tail(outliers, n, rate) <= NOTABLE:
         return False
@@ -128,7 +128,7 @@ def p_of_prior(mode: Mode, priors: Priors) -> float:
     best = float(apart.logs[0])
     zs = np.array(mode.z)
     if alone.problem.scale_sd > 0:
-        zs[-1] = apart.zs[0, -1]  # the noise that the measurements have by themselves: a wrong prior is no noise
+        zs[-1] = apart.zs[0, -1]  # noise of the measurements alone: a wrong prior is no noise
 
     def off(Ts: Transforms, zs: FloatArray) -> FloatArray:
         rows = prior_rows(priors.pose, part, Ts)[0]

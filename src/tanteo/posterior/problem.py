@@ -43,14 +43,14 @@ class Problem:
     Attributes:
         points: contact points and beam hits.
         rays: free-space rays.
-        priors: priors; the radius of the workspace is a number, not 0.
+        priors: priors; the radius of the workspace is positive [m].
         mixtures: prior of the pose of each part, by the id of its :class:`PreparedPart`, in place of ``priors.pose``.
         odds: log odds of each part by its global properties, by name; empty without measurements of these.
         pose_factors: measurements of the pose other than points and rays, such as images and functions of a user.
         settings: settings of the inference.
         furniture: points that may be on furniture.
-        groups: number of the label of each point ``(n,)``; -1 where it has none.
-        label_evidence: densities of labelled points on surfaces that are not the part's.
+        groups: index of the label of each point ``(n,)``; -1 for a point without a label.
+        label_evidence: densities of labelled points on surfaces of an unknown object.
     """
 
     points: ContactPoints
@@ -73,7 +73,7 @@ class Problem:
 
     @property
     def scale_sd(self) -> float:
-        """Return the log of the factor to which the noise is known, the unit of the noise state; 0 without."""
+        """Return the log of the factor to which the noise is known, the unit of the noise state; 0 without points."""
         return self.priors.log_noise_factor if len(self.points) else 0.0
 
     @property
@@ -101,7 +101,7 @@ class Problem:
         return self.odds.get(part.name, 0.0)
 
     def mixture(self, prepared: PreparedPart) -> PoseMixture | None:
-        """Return the prior of the pose of a part as a mixture of normal densities; None without."""
+        """Return the prior of the pose of a part as a mixture of normal densities; None without a prior pose."""
         if id(prepared) in self.mixtures:
             return self.mixtures[id(prepared)]
         pose = self.priors.pose
@@ -112,7 +112,7 @@ class Problem:
         return PoseMixture(Ts, C, np.full(len(Ts), -np.log(len(Ts))))
 
     def log_pose_density(self, prepared: PreparedPart) -> float:
-        """Return the log of the constant factors of the pose prior, over shifts [m] and turns [rad]."""
+        """Return the log of the constant factors of the pose prior, a density per shift [m] and turn [rad]."""
         anywhere = -3 * np.log(2 * self.priors.radius) - np.log(8 * np.pi**2)
         pose = self.priors.pose
         placed = id(prepared) in self.mixtures or (pose is not None and pose.T_world_part is not None)

@@ -43,22 +43,22 @@ def identify_points(
     seed: int = 0,
     settings: Settings = DEFAULTS,
 ) -> Answer:
-    """Return which part the measurements are of, and its pose, with or without labels.
+    """Identify the sensed part and estimate its pose, from measurements with or without labels.
 
     Args:
         points: contact points and beam hits in the world; with directions, normals, tip radii and labels where known.
         rays: free-space rays.
         parts: candidate parts, prepared or not; prepared data is stored with the part.
-        shared: shared errors of the points, in the order of their columns, for the words of the answer.
+        shared: shared errors of the points, in the order of their columns, for the text of the answer.
         significance: p-value below which the joint test rejects an answer.
         top: number of hypotheses to report.
         priors: priors of the inference.
-        factors: further measurements of the pose, such as images and functions of your own.
+        factors: further measurements of the pose, such as images and functions of a user.
         seed: seed of the search and the samples.
         settings: settings of the inference.
 
     Raises:
-        InputError: without parts, or for an ``significance`` outside (0, 1).
+        InputError: no part, or ``significance`` outside (0, 1).
     """
     parts = check_question(parts, significance, top, seed, priors)
     clock = Clock()
@@ -81,7 +81,7 @@ def identify_points(
         lambda: _answer(alone, candidates, screen(alone, candidates, odds), seed),
         significance,
     )
-    if check.other is not None:  # where the prior has it, it fits another pose: it is told where it was felt
+    if check.other is not None:  # the prior is wrong: report the pose that fits without it
         found, hypotheses = _located(check.other, None, top)
         share = 1 - posterior.unknown
         hypotheses = tuple(replace(h, probability=h.probability * share) for h in hypotheses)
@@ -94,12 +94,12 @@ def identify_points(
 def _searched(
     problem: Problem, candidates: Candidates, odds: FloatArray, seed: int, clock: Clock
 ) -> tuple[Active, Posterior]:
-    """Return the active parts and their posterior; if they do not explain the points, of more parts."""
+    """Return the active parts and their posterior; more parts are searched if these do not explain the points."""
     chosen = screen(problem, candidates, odds)
     problem = replace(problem, odds=candidates.named(odds, [*chosen.rows, *chosen.others] if odds.any() else ()))
     clock.lap("narrow")
     posterior = _answer(problem, candidates, chosen, seed)
-    if chosen.pruned_by_properties and posterior.unknown > 0.5:  # mass or size may be of another object
+    if chosen.pruned_by_properties and posterior.unknown > 0.5:  # mass or size may be wrong
         chosen = screen(problem, candidates, odds, every=True)
         posterior = _answer(problem, candidates, chosen, seed)
     clock.lap("search")
@@ -126,16 +126,16 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Active, seed: int)
         return [candidates.prepared(row) for row in rows]
 
     centroid = candidates.centroids.mean(axis=0)
-    behind = chosen.unsearched if chosen.bound else None
+    log_ratio = chosen.unsearched if chosen.bound else None
     return infer(
         problem, parts, len(candidates), centroid, np.random.default_rng(seed), known=known,
         exhaustive=chosen.exhaustive,
-        unsearched=Unsearched(len(rest), behind, chosen.discount, similar, chosen.bound and not chosen.exhaustive),
+        unsearched=Unsearched(len(rest), log_ratio, chosen.discount, similar, chosen.bound and not chosen.exhaustive),
     )  # fmt: skip
 
 
 def _proposed(problem: Problem, candidates: Candidates, chosen: Active, row: int) -> Transforms | None:
-    """Return initial poses of a part: from measurements, pose factors and an outline; None without."""
+    """Return initial poses of a part: from measurements, pose factors and an outline; None if there are none."""
     whole, found = problem.priors.whole, chosen.known.get(row)
     proposed = [factor.poses(candidates.prepared(row).part) for factor in problem.pose_factors]
     if whole is not None and whole.outline is not None:

@@ -29,7 +29,7 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
     Args:
         points: the measurements.
         one: the mode.
-        pose: prior of the pose; the joint test also checks agreement with it.
+        pose: prior of the pose, which the joint test includes; None to exclude it.
     """
     mode, part, inliers = one.mode, one.mode.prepared.part, one.inliers
     free, distances = one.free, one.at.distances[0]
@@ -73,7 +73,7 @@ def _misfit_at(one: GoodnessOfFit, pose: PosePrior | None, T: Transforms) -> Mis
     part, z = one.mode.prepared.part, one.mode.z
     known, known_rows = (of[0] for of in prior_rows(pose, part, T[None]))
     errors = z[: one.mode.objective.problem.points.shared_jacobian.shape[2]]
-    named = pose is not None and pose.T_world_part is not None  # a prior names one of the spins, too
+    named = pose is not None and pose.T_world_part is not None  # a prior pose fixes turns of the symmetry, too
     more = len(known) + len(one.free) - (len(symmetry_motions(part)) if named else 0)
     rest = float(np.sum(errors**2) + np.sum(known**2))
     return one.misfit().with_more(rest, more, one.states_from_priors(known_rows))
@@ -89,7 +89,7 @@ def _shared_given(mode: Mode) -> SharedGiven | None:
 
 
 def worst_reading(points: ContactPoints, one: GoodnessOfFit) -> WorstReading | None:
-    """Return the point, or sensed normal, that agrees least among those on the part; None if none is far off."""
+    """Return the reading on the part with the largest residual, of point or normal; None if none is far off."""
     off = np.stack([np.abs(one.at.residuals[0]), one.at.tilts[0]]) * one.inliers
     tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
     if off[tilted, i] < one.mode.objective.problem.settings.search.notable_sds:

@@ -20,7 +20,7 @@ FEWEST = POSE_DOF // 2
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How much one round of a search proposes.
+    """Numbers of proposals in one round of a search.
 
     Attributes:
         pairs: number of pairs of points.
@@ -28,7 +28,7 @@ class Effort:
         kept: number of proposals of each pair that are refined.
         maximized: number of refined proposals that are maximized.
         moved: number of the best maxima that are also tried after half turns and slides.
-        moved_hard: the same number where maxima are narrow beside the spacing of proposals, or where the best maximum
+        moved_hard: the same number if maxima are narrow relative to the spacing of proposals, or if the best maximum
             has more outliers than expected.
     """
 
@@ -42,7 +42,7 @@ class Effort:
 
 @dataclass(frozen=True, slots=True)
 class SearchSettings:
-    """How poses of one part are proposed and maximized.
+    """Settings of the proposal and maximization of poses of one part.
 
     Attributes:
         points: number of points on which proposals are scored and refined; number of pairs of them. Rows touch,
@@ -57,7 +57,7 @@ class SearchSettings:
         prior_draws: number of draws from the pose prior for each that is refined. Row prior, decision 48.
         prior_widening: standard deviation of these draws over that of the prior. Row hard_prior_6.
         subset: number of draws that are refined by the same subset of the points. Row hard_prior_6.
-        omitted: a subset leaves out one in this number of points. Row hard_prior_6.
+        omitted: a subset omits one in this number of points. Row hard_prior_6.
         ridge_piece: standard deviation of a component along a ridge over that of the ridge. Decision 55, row
             hard_prior_3.
         coarse_to_fine: blur of the first maximization over that of proposals. Rows touch, hard_walls.
@@ -70,9 +70,9 @@ class SearchSettings:
         curvature_error: error of a log-evidence by curvature (Laplace) that is allowed for [nats]. Row hard_prior_4.
         steps: largest number of Levenberg-Marquardt steps. Row touch.
         step_gain: gain in log density at which a maximization ends [nats]. Row touch.
-        sure_sources: number of independent pairs that lead to a maximum that is surely found: a search misses it with
-            probability 2^-often. Good (1953); ``benchmarks/missed.py``.
-        missing: probability of rarely found maxima up to which a part is searched enough. ``benchmarks/missed.py``.
+        sure_sources: number of independent sources from which a maximum counts as surely found: a search misses it with
+            probability 2^-sure_sources. Good (1953); ``benchmarks/missed.py``.
+        missing: probability of rarely found maxima at which the search of a part ends. ``benchmarks/missed.py``.
         rounds: number of rounds of a search; half as many again while the best pose has unexpected outliers.
             ``benchmarks/missed.py``.
         explained: fraction of the points that a part has on its surface if it explains them. Decision 85.
@@ -86,13 +86,13 @@ class SearchSettings:
         off_line: smallest height of a triangle of centres over its longest side. Decision 84.
         tuples: number of tuples of planes or centres that are tried first; multiples of it limit all sets of sensed
             planes and centres. Decisions 76, 84.
-        curved_face_cost: cost of a sensed normal on a face that is not a plane, beside its fraction of the area [nats].
-            Decision 76.
+        curved_face_cost: cost of a sensed normal on a curved face, in addition to minus the log of the fraction of
+            curved area [nats]. Decision 76.
         max_tuples: number of tuples of axes, or of poses of planes, that are tried on one part. Row labelled.
         wall_slack: distance of a centre beyond the end of its wall over the length of the wall. Decision 84.
         plane_normal_sd: largest standard deviation of a sensed normal that counts as a plane [rad]. Decision 76.
         coarse_areas: number of equal areas of a surface; their spacing is the step of coarse poses. Decision 76.
-        thorough: factor on the number of coarse poses where parts are few. Decision 85.
+        thorough: factor on the number of coarse poses if there are few parts. Decision 85.
     """
 
     points: int = 12
@@ -159,7 +159,7 @@ class SearchSettings:
 
     @property
     def cost_limit(self) -> float:
-        """Cost by tables of a part of which no pose was found [nats]."""
+        """Cost by tables of a part without a known pose [nats]."""
         return 5 * self.negligible
 
     @property
@@ -169,7 +169,7 @@ class SearchSettings:
 
     @property
     def kept(self) -> int:
-        """Number of poses of a part by tables, and of maxima about which near variants are evaluated."""
+        """Number of poses of a part by tables, and of maxima at which near variants are evaluated."""
         return 2 * self.tuples
 
     @property
@@ -193,14 +193,14 @@ class SearchSettings:
 
 @dataclass(frozen=True, slots=True)
 class PruningSettings:
-    """How parts are pruned.
+    """Settings of the pruning of parts.
 
     Attributes:
         budget: number of full searches that one stage may cost. ``benchmarks/bench_catalogue.py``, decision 76.
         first_pass_cost: cost of a first-pass search from known poses over that of a full search. Measured:
             ``python benchmarks/bench_catalogue.py CATALOGUE 12 points12 --say`` at 10,000 parts.
         first_pass_places: number of pairs of surface places in a first pass. Row parts12_known.
-        table_weight: log-evidence for each nat of cost by tables, which take noise larger than stated. Decision 76.
+        table_weight: log-evidence for each nat of cost by tables, which assume more noise than stated. Decision 76.
         estimate_weight: smallest log-evidence for each nat of an estimate by few points or a coarse field.
             Decision 76.
         least: number of parts that remain after a coarse evaluation, and of similar parts that are tried beside a
@@ -224,18 +224,18 @@ class PruningSettings:
 
     @property
     def first_passes(self) -> int:
-        """Number of first-pass searches that the budget pays for."""
+        """Number of first-pass searches in the budget."""
         return round(self.budget / self.first_pass_cost)
 
     @property
     def unfixed(self) -> int:
-        """Number of parts that remain where very many have the sensed planes and these fix no pose."""
+        """Number of parts that remain if very many parts have the sensed planes, and these fix no pose."""
         return self.budget // 4
 
 
 @dataclass(frozen=True, slots=True)
 class SampleSettings:
-    """How the modes of the posterior are sampled, and tracked from one measurement to the next.
+    """Settings of the sampling of modes, and of their tracking from one measurement to the next.
 
     Attributes:
         first: number of first samples of a component; effective samples along a ridge of a part that is not the
@@ -268,8 +268,8 @@ class SampleSettings:
             of two standard deviations in six directions. ``python benchmarks/sweep.py
             samples.barrier 0 3 9 --rows touch=16 prior=16``.
         path_steps: number of steps of the path between two maxima on which the density has to stay high. Decision 61.
-        edge_held_sd: standard deviation over the part's size up to which samples show that the ends of faces hold a
-            motion. Row hard_walls.
+        edge_sd: largest standard deviation of a motion by samples, over the part's size, at which the ends of faces
+            constrain that motion. Row hard_walls.
         reopen_probability: probability of the unknown object from which all parts are searched again. Row
             session_touch.
     """
@@ -290,7 +290,7 @@ class SampleSettings:
     clip: int = 15
     barrier: float = 3.0
     path_steps: int = 4
-    edge_held_sd: float = 0.05
+    edge_sd: float = 0.05
     reopen_probability: float = 0.2
 
     @property
@@ -311,7 +311,7 @@ class SampleSettings:
 
 @dataclass(frozen=True, slots=True)
 class UnknownSettings:
-    """How densities of an unknown object are integrated.
+    """Settings of the densities of an unknown object.
 
     Attributes:
         axis_pairs: number of pairs of normals that propose perpendicular axes, those nearest to perpendicular.
@@ -325,7 +325,7 @@ class UnknownSettings:
 
 @dataclass(frozen=True, slots=True)
 class CheckSettings:
-    """When readings or an answer raise a finding.
+    """Limits beyond which readings or an answer raise a finding.
 
     Attributes:
         too_wide: median distance of the readings from their middle over the largest diagonal, beyond which the unit is
@@ -339,7 +339,8 @@ class CheckSettings:
         largest_part: largest diagonal of a part that a suggested unit may lead to [m].
         outward: mean cosine between a direction and the outward direction above which directions are doubted; fraction
             of normals out of the material below which normals are doubted.
-        limiting_share: fraction of the largest corner sd from which a shared error is reported.
+        limiting_share: contribution of a shared error to the largest corner sd, over that sd, from which it is
+            reported.
         beyond_curvature: largest corner sd over that by curvature up to which shared errors explain it.
     """
 
@@ -360,11 +361,11 @@ class Settings:
     """All settings of an inference.
 
     Attributes:
-        search: how poses of one part are proposed and maximized.
-        pruning: how parts are pruned.
-        samples: how modes are sampled.
-        unknown: how densities of an unknown object are integrated.
-        checks: when readings or an answer raise a finding.
+        search: proposal and maximization of poses of one part.
+        pruning: pruning of parts.
+        samples: sampling of modes.
+        unknown: densities of an unknown object.
+        checks: limits beyond which readings or an answer raise a finding.
     """
 
     search: SearchSettings = SearchSettings()
@@ -398,11 +399,11 @@ class Settings:
         known = {f"{group}.{one.name}": (group, one.name) for group, own in groups for one in fields(own)
                  if isinstance(getattr(own, one.name), int | float)}  # fmt: skip
         if name not in known:
-            raise InputError(f"setting: expected the name of one, got {name!r}.{did_you_mean(name, known)}")
+            raise InputError(f"setting: expected the name of a setting, got {name!r}.{did_you_mean(name, known)}")
         group, own = known[name]
         kind = type(getattr(getattr(self, group), own))
         return replace(self, **{group: replace(getattr(self, group), **{own: kind(value)})})
 
 
 DEFAULTS = Settings()
-"""The settings that apply unless a caller gives others."""
+"""Default settings."""

@@ -9,8 +9,7 @@ import numpy as np
 from tanteo import _core
 from tanteo.catalogue import known_stable_poses
 from tanteo.factors import PoseFactor
-from tanteo.geometry import SE3
-from tanteo.geometry.covariances import freeze
+from tanteo.geometry import SE3, freeze
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
 
@@ -21,7 +20,7 @@ tolerance."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OnTable(PoseFactor):
-    """Prior of a part on a table: stable poses with their probabilities, uniform place and yaw.
+    """Prior of a part on a table: stable poses with their probabilities, uniform position and yaw.
 
     Attributes:
         T_world_table: frame of the table, its plane z = 0, the part above it ``(4, 4)``.
@@ -40,7 +39,7 @@ class OnTable(PoseFactor):
 
     @property
     def is_pose_prior(self) -> bool:
-        """Return whether the factor is a prior density of the pose: yes."""
+        """Return True: the factor is a prior density of the pose."""
         return True
 
     def term(self, part: Part, first: int) -> _core.PoseTerm:

@@ -1,4 +1,4 @@
-"""Symmetric poses: folded onto known ones, with the turn of a continuous symmetry fixed."""
+"""Symmetric poses: mapped to the image nearest to a reference, with the turn of a continuous symmetry fixed."""
 
 from __future__ import annotations
 
@@ -11,16 +11,21 @@ from tanteo.posterior.prepared import PreparedPart
 
 GAUGE_SD = 0.1
 """Numerical: standard deviation of a turn that symmetry leaves free, about a reference [rad]. The evidence does not
-depend on it: :func:`log_orbit` accounts for the rest of the circle. If it is narrow, samples look normal."""
+depend on it: :func:`log_orbit` accounts for the rest of the circle. A small value keeps samples nearly normal."""
 
 
-def is_held(prepared: PreparedPart, *, named: bool) -> bool:
-    """Whether turns of a continuous symmetry are held: not where a prior names one of the poses."""
+def is_gauge_fixed(prepared: PreparedPart, *, named: bool) -> bool:
+    """Return whether the turn of a continuous symmetry is fixed.
+
+    Args:
+        prepared: the part.
+        named: whether a prior pose selects one of the symmetric poses; then it fixes the turn.
+    """
     return prepared.part.symmetry.continuous and not named
 
 
 def log_orbit(prepared: PreparedPart, *, named: bool) -> float:
-    """Return the log of the number of equal poses; for continuous symmetry the angle or volume of turns."""
+    """Return the log of the number of symmetric poses; for a continuous symmetry, of the angle or volume of turns."""
     symmetry = prepared.part.symmetry
     if named:
         return 0.0
@@ -36,7 +41,7 @@ def folded(prepared: PreparedPart, Ts: Transforms, references: Transforms, *, na
     if not len(Ts) or not len(references) or (len(turns) == 1 and not part.symmetry.continuous):
         return Ts
     images = Ts[:, None] @ turns
-    if is_held(prepared, named=named):
+    if is_gauge_fixed(prepared, named=named):
         images = references[0] @ without_symmetric_rotation(part, SE3.inverse(references[0]) @ images)
     gaps = SE3.inverse(references)[:, None, None] @ images
     shift = SE3.apply(gaps, prepared.centre) - prepared.centre
@@ -47,7 +52,7 @@ def folded(prepared: PreparedPart, Ts: Transforms, references: Transforms, *, na
 
 
 def log_gauge(prepared: PreparedPart, Ts: Transforms, reference: Transforms) -> FloatArray:
-    """Return the log density of the fixed turn at poses ``(S,)``; for a sphere of all three turns."""
+    """Return the log density of the turn along a continuous symmetry about a reference ``(S,)``."""
     part = prepared.part
     gaps = SE3.inverse(reference) @ Ts
     if part.symmetry.spherical:

@@ -27,7 +27,7 @@ def truncate_by_box(
         covariances: covariances of motions about the part's centre ``(m, 6, 6)`` [m, rad].
 
     Returns:
-        Mean motions ``(m, 6)``, covariances, and which of them the box cuts ``(m,)``.
+        Mean motions ``(m, 6)``, covariances ``(m, 6, 6)``, and whether the box truncates each density ``(m,)``.
     """
     means, cut = np.zeros((len(Ts), 6)), np.zeros(len(Ts), dtype=bool)
     pose, part = objective.problem.priors.pose, objective.prepared.part
@@ -68,7 +68,7 @@ def _moments(at: Vectors, S: Covariances, box: Vectors, own: Settings) -> tuple[
 
 
 def _likeliest(at: Vectors, Q: FloatArray, box: Vectors) -> Vectors:
-    """Return the place inside a box that is nearest to another by the information ``Q`` ``(3,)``."""
+    """Return the point of a box that is nearest to another point in the metric ``Q`` ``(3,)``."""
     x = np.clip(at, *box)
     for _ in range(_SWEEPS):  # of coordinate descent, which is slow where the information is nearly singular
         for i in range(3):

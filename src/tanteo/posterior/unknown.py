@@ -25,11 +25,11 @@ _BALL_STEPS = 32
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PossibleCentres:
-    """Places where the middle of an unknown object can be if all readings are in its ball.
+    """Region in which the middle of an unknown object is if all readings are in its ball.
 
     Attributes:
-        middle: centre of these places ``(3,)`` [m].
-        volume: volume of these places [m^3].
+        middle: centre of the region ``(3,)`` [m].
+        volume: volume of the region [m^3].
         radius: radius of the ball [m].
     """
 
@@ -39,12 +39,12 @@ class PossibleCentres:
 
     @property
     def sd(self) -> float:
-        """Return the sd of a normal density with the peak of the uniform density on these places [m]."""
+        """Return the sd of a normal density with the peak of the uniform density on the region [m]."""
         return float(self.volume ** (1 / 3) / np.sqrt(2 * np.pi))
 
 
 def possible_centres(points: Vectors, radius: float) -> PossibleCentres:
-    """Return the places of the middle of a ball that contains all readings but distant outliers.
+    """Return the region of the middle of a ball that contains all readings but distant outliers.
 
     Args:
         points: points of the readings ``(n, 3)`` [m].
@@ -74,7 +74,7 @@ def _directions() -> Vectors:
 
 
 def log_anywhere(problem: Problem, centroid: Vectors) -> float:
-    """Return the log density of all readings if the object is unknown, in a ball that is where the prior puts it.
+    """Return the log density of all readings if the object is unknown: in a ball whose position follows the prior.
 
     Points of one label are on one surface of any object, and most of its faces run along three perpendicular axes.
     Otherwise every right angle would be evidence for the parts that have one.
@@ -100,7 +100,7 @@ def log_unknown(log_anywhere: float, log_variant: FloatArray, priors: Priors) ->
     """Return the log-evidence of the unknown object: readings anywhere, or on a near variant of a part.
 
     Args:
-        log_anywhere: log-evidence of readings anywhere, the prior of the unknown object included.
+        log_anywhere: log-evidence of readings anywhere, with the prior of the unknown object.
         log_variant: log-evidence of near variants at each mode.
         priors: priors of the inference.
     """

@@ -60,7 +60,7 @@ def update_posterior(
 
 
 def posterior_about(problem: Problem, part: PreparedPart, Ts: Transforms, rng: np.random.Generator) -> Posterior:
-    """Return the posterior of one part near poses ``(S, 4, 4)``, without a search or an unknown object."""
+    """Return the posterior of one part near initial poses ``(S, 4, 4)``, without a search or an unknown object."""
     search = start_search(problem, part, rng)
     _take(search, search.objective.maximize(Ts, fine=True))
     return weigh(problem, [search], np.zeros(1), -np.inf, rng)
@@ -78,7 +78,7 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
     modes = [] if before is None else _modes(before, part)
     if not modes:
         known = problem.mixture(part)
-        if known is not None:  # coarse measurements do not tell means apart that the prior does
+        if known is not None:  # coarse measurements may not separate means of the prior
             _take(search, search.objective.maximize(known.Ts[: own.widely], fine=True))
         _draw(search, own.widely)
         return search
@@ -148,7 +148,7 @@ def _take(search: PartSearch, peaks: Peaks) -> None:
 
 
 def _found(peaks: Peaks) -> Peaks:
-    peaks.groups[:] = (1 << BITS) - 1  # found by all sources: no chance finds
+    peaks.groups[:] = (1 << BITS) - 1  # count as found by all sources
     return peaks
 
 
@@ -159,9 +159,9 @@ def _modes(posterior: Posterior, part: PreparedPart) -> list[Mode]:
 def _in_doubt(before: Posterior, after: Posterior) -> bool:
     """Return whether the known modes may be incomplete.
 
-    None of them explains the measurements; the last measurements are hardly more probable than as outliers; the best
-    mode has a new outlier, which another pose may explain; or a part has become nearly certain, and the right one may
-    be among those that were not searched.
+    They are if no mode explains the measurements; the last measurements are hardly more probable than as outliers; the
+    best mode has a new outlier, which another pose may explain; or a part has become nearly certain, and the right one
+    may be among those that were not searched.
     """
     if after.unknown > after.problem.settings.samples.reopen_probability or not after.modes:
         return True
@@ -175,8 +175,8 @@ def _in_doubt(before: Posterior, after: Posterior) -> bool:
 def _surprising(before: Posterior, after: Posterior) -> bool:
     old, new = before.problem.points, after.problem.points
     as_outliers = float(after.problem.log_not_on_part[len(old) :].sum())
-    told = after.log_evidence - before.log_evidence
-    return len(new) > len(old) and told < as_outliers + _EXPECTED * (len(new) - len(old))
+    gain = after.log_evidence - before.log_evidence
+    return len(new) > len(old) and gain < as_outliers + _EXPECTED * (len(new) - len(old))
 
 
 def _outliers(posterior: Posterior) -> int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.geometry.covariances import frozen_array
+from tanteo.geometry import frozen_array
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
 from tanteo.sensors.devices import Device
 from tanteo.sensors.presets import NoiseLaw, SensorPreset

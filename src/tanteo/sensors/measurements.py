@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.features import SharedError, shared_root, stacked_covariance
-from tanteo.geometry.covariances import check_covariances, freeze, frozen_array
+from tanteo.geometry import check_covariances, freeze, frozen_array
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Vectors
 from tanteo.sensors.noise import beam_cov
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import ReadingsError, check_kind
-from tanteo.geometry.covariances import frozen_array
+from tanteo.geometry import frozen_array
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms, Vectors
 from tanteo.sensors.checks import check_readings
 from tanteo.sensors.columns import Column, column_of, joined, real_numbers, unit_vectors

@@ -14,7 +14,7 @@ from types import ModuleType
 import numpy as np
 
 from tanteo.errors import InputError, MissingExtraError
-from tanteo.geometry.covariances import check_covariance, frozen_array
+from tanteo.geometry import check_covariance, frozen_array
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 from tanteo.vision.settings import EDGES, NEWTON_STEPS
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.geometry.covariances import freeze
+from tanteo.geometry import freeze
 from tanteo.geometry.typing import Covariances, FloatArray
 
 DESCRIPTOR_NAMES = ("area", "perimeter", "x", "y", "long_axis", "short_axis", *(f"hu{k}" for k in range(1, 8)))

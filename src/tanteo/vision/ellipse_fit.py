@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import DegenerateError, InputError
-from tanteo.geometry.covariances import freeze
+from tanteo.geometry import freeze
 from tanteo.geometry.typing import Covariances, FloatArray
 from tanteo.vision.camera import opencv
 from tanteo.vision.settings import EDGES, NEWTON_STEPS, SEARCH

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.geometry import SE3
-from tanteo.geometry.covariances import freeze
+from tanteo.geometry import SE3, freeze
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Surface
 from tanteo.vision.camera import Camera, opencv, project

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.geometry.covariances import freeze
+from tanteo.geometry import freeze
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray
 from tanteo.vision.camera import Camera, opencv, without_distortion
 from tanteo.vision.edges import EdgeMap, cell_of, channel_of

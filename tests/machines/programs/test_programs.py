@@ -13,7 +13,7 @@ import pytest
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.io import pose_from_brand
-from tanteo.machines import PROGRAMS, job_of, write_program
+from tanteo.machines.programs import PROGRAMS, job_of, write_program
 from tanteo.parts import Surface, signed_distance
 from tanteo.planning import plan, probe_of
 from tanteo.planning.start import at_pose
@@ -42,7 +42,7 @@ def part(parts):
 
 @pytest.fixture(scope="module")
 def jobs(part):
-    upright, behind = job_for(part, stylus=[0, 0, 1]), job_for(part, stylus_behind=True)
+    upright, behind = job_for(part, stylus=[0, 0, 1]), job_for(part, stylus_along_motion=True)
     return {name: upright if name in AXES_3 else behind for name in PROGRAMS.builtin}
 
 

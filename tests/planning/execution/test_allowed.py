@@ -11,7 +11,7 @@ from bare_scenes import SENSORS, no_paths, scene, touches_of
 from sensing_scenes import without_modes
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
-from tanteo.planning import around, begin, update
+from tanteo.planning import at_place, begin, update
 from tanteo.planning.execution import PossiblePoses
 from unknown_scenes import CLEARANCE, SDS
 
@@ -22,7 +22,7 @@ FAR = 0.010
 
 @pytest.fixture(scope="module")
 def start(targets):
-    return around(targets, np.eye(4), np.diag(SDS**2))
+    return at_place(targets, np.eye(4), np.diag(SDS**2))
 
 
 def drawn(start, part, rng):
@@ -58,7 +58,7 @@ def test_what_is_allowed_agrees_with_all_readings_but_one(targets, start):
 
 def test_two_free_space_rays_rule_a_pose_out_one_does_not(targets):
     """A solid wedge whose place is known well; the beams go through it as if it were not there."""
-    place = around(targets[2:], np.eye(4), np.diag(np.repeat([1e-3, 1e-2], 3)) ** 2)
+    place = at_place(targets[2:], np.eye(4), np.diag(np.repeat([1e-3, 1e-2], 3)) ** 2)
     origins = np.array([[0.0, 0.0, 0.3], [0.003, 0.0, 0.3]])
     down = np.tile([0.0, 0.0, -1.0], (2, 1))
     points = touches_of(np.zeros((0, 3)), 1e-3)

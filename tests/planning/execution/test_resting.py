@@ -101,13 +101,13 @@ def test_side_beams_are_told_where_part_may_be_and_nowhere_else(targets):
 def test_beams_to_furniture_are_free_as_far_as_it():
     furniture = Furniture(Scene.of([box("table", [-1, -1, -0.05], [1, 1, 0])]).surface)
     readings = as_readings(HAND, log([0.05] * 10, [0.02] * 10), "1")
-    of_it = furniture.met(readings, HAND.rig, None)
+    of_it = furniture.hit(readings, HAND.rig, None)
     assert of_it.tolist() == [True, False]
     told = beyond_furniture(readings, of_it, HAND.rig)
     assert told.is_free.tolist() == [True, False]
     assert 0.03 < told.max_ranges[0] < 0.05
     assert len(measure(told, rig=HAND.rig).free) == 1
-    none = furniture.met(as_readings(HAND, log([np.nan] * 3, [0.02] * 3), "2"), HAND.rig, None)
+    none = furniture.hit(as_readings(HAND, log([np.nan] * 3, [0.02] * 3), "2"), HAND.rig, None)
     assert not none.any()
     assert beyond_furniture(readings, np.zeros(2, dtype=bool), HAND.rig) is readings
 
@@ -136,7 +136,7 @@ def test_any_ray_of_a_flat_cone_may_have_met_the_furniture(tilt):
     T, axis = flat_look(tilt)
     for sooner, of_it in ((0.0, True), (0.008 / -axis[2], False)):
         readings = as_readings(HAND, log([nearest(axis) - sooner] * 10, [-1] * 10, T), "1")
-        assert TABLE.met(readings, HAND.rig, None).tolist() == [of_it]
+        assert TABLE.hit(readings, HAND.rig, None).tolist() == [of_it]
 
 
 @pytest.mark.parametrize(("aside", "unknown", "of_it"), [(0.0, 0.02, False), (0.2, 0.02, True), (0.0, 0.95, True)])
@@ -149,4 +149,4 @@ def test_a_reading_near_table_is_of_part_that_is_expected_there(targets, aside, 
     sooner = targets[2].surface.cast(origin - place, axis).distances
     T_world_part = SE3.from_parts(np.eye(3), place + (nearest(axis) - sooner) * axis + np.array([0.0, aside, 0.0]))
     state = begin(at_pose(targets[2], T_world_part, np.diag(np.repeat([1e-6, 1e-4], 3))))
-    assert TABLE.met(readings, HAND.rig, None, replace(state, unknown=unknown)).tolist() == [of_it]
+    assert TABLE.hit(readings, HAND.rig, None, replace(state, unknown=unknown)).tolist() == [of_it]

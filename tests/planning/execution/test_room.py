@@ -11,16 +11,24 @@ from tanteo.geometry import SE3
 from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.hand.motion import Rules
 from tanteo.parts import signed_distance
-from tanteo.planning import around, begin, hand_probe
+from tanteo.planning import at_place, begin, hand_probe
 from tanteo.planning.candidates import propose
-from tanteo.planning.execution import FreeSpace, PossiblePoses, approach_path, approach_poses, back, reachable, route
+from tanteo.planning.execution import (
+    FreeSpace,
+    PossiblePoses,
+    approach_path,
+    approach_poses,
+    reachable,
+    retreated_poses,
+    route,
+)
 
 RULES = Rules(clearance=0.012, workspace=Workspace.above(0.0))
 LYING = SE3.from_parts(np.eye(3), [0.0, 0.0, 0.03])
 
 
 def believed(targets, sd=0.005):
-    return begin(around(targets, LYING, np.diag(np.repeat([sd, min(10 * sd, 3.0)], 3)) ** 2))
+    return begin(at_place(targets, LYING, np.diag(np.repeat([sd, min(10 * sd, 3.0)], 3)) ** 2))
 
 
 def exact_gap(body, possible, T):
@@ -81,7 +89,7 @@ def test_what_is_reachable_keeps_the_whole_hand_clear(targets):
     room = FreeSpace(hand.body, RULES.workspace, possible, RULES.clearance)
     for k in np.flatnonzero(able)[:5]:
         Ts = approach_poses(hand, candidates.origins[k][None], candidates.directions[k][None])[0]
-        fit = Ts[room.allows(Ts) & room.allows(back(Ts, probe.retreat))]
+        fit = Ts[room.allows(Ts) & room.allows(retreated_poses(Ts, probe.retreat))]
         assert len(fit)
         assert exact_gap(hand.body, possible, fit[0]) > RULES.clearance - 1e-3
         assert RULES.workspace.clear(hand.body, fit[0]) > RULES.clearance
@@ -117,8 +125,8 @@ def test_from_a_narrow_place_there_is_way_out_but_not_further_in(targets):
     gaps = np.array([exact_gap(hand.body, possible, T) for T in stands])
     narrow = stands[int(np.flatnonzero(gaps > 0.5 * RULES.clearance)[0])]
     assert not room.allows(narrow[None])[0]
-    assert room.along(approach_path(hand, narrow, back(narrow, 0.05)))
-    assert not room.along(approach_path(hand, narrow, back(narrow, -0.01)))
+    assert room.along(approach_path(hand, narrow, retreated_poses(narrow, 0.05)))
+    assert not room.along(approach_path(hand, narrow, retreated_poses(narrow, -0.01)))
 
 
 def test_the_probe_is_a_frontal_sensor(targets):

@@ -14,7 +14,7 @@ from tanteo.factors import PythonFactor
 from tanteo.geometry import SE3
 from tanteo.io import read_camera, read_image, read_marks, read_record, write_record
 from tanteo.parts import read_part
-from tanteo.planning import Action, Sensing, Session, Stop, around, begin
+from tanteo.planning import Action, Sensing, Session, Stop, at_place, begin
 from tanteo.planning.execution import part_seen, seen_start
 from tanteo.posterior import Priors, identify_points, prepare
 from tanteo.vision import find_edges, see_table
@@ -67,7 +67,7 @@ def test_the_first_reading_is_the_one_that_the_image_cannot_make(twins, steps):
 
 def test_where_the_image_is_wrong_the_rough_place_holds(twins, steps):
     seen = part_seen(twins)
-    rough = around(steps, np.eye(4), NARROW)
+    rough = at_place(steps, np.eye(4), NARROW)
     start = seen_start(seen, steps, rough)
     n = len(start) - len(rough)
     np.testing.assert_array_equal(start.Ts[n:], rough.Ts)
@@ -87,7 +87,7 @@ def test_where_the_image_is_wrong_the_rough_place_holds(twins, steps):
 def test_the_first_belief_is_that_of_the_image(twins, steps):
     seen = part_seen(twins)
     by_part = [sum(h.probability for h in seen.answer.hypotheses if h.part == s.part.name) for s in steps]
-    for rough in (None, around(steps, best_of(seen, "step_12mm").T_world_part, NARROW)):
+    for rough in (None, at_place(steps, best_of(seen, "step_12mm").T_world_part, NARROW)):
         state = begin(seen_start(seen, steps, rough))
         np.testing.assert_allclose(state.of_parts(), by_part, atol=0.08)  # masses by some hundred samples
         assert state.unknown < 0.01
@@ -99,7 +99,7 @@ def test_session_and_batch_give_the_same_answer(twins, steps, with_place):
     seen = part_seen(twins)
     T = best_of(seen, "step_12mm").T_world_part
     place = T @ SE3.from_parts(np.eye(3), steps[0].part.centroid)
-    start = seen_start(seen, steps, around(steps, place, NARROW) if with_place else None)
+    start = seen_start(seen, steps, at_place(steps, place, NARROW) if with_place else None)
     probe = replace(LASER, approach=np.array([0.0, 0.0, -1.0]), cone=np.radians(80.0))
     sd, rng = float(probe.law.const), np.random.default_rng(3)
     session = Session(start, probe, Sensing(sd=sd), stop=Stop(probability=0.99999))
@@ -122,7 +122,7 @@ def test_touches_beside_an_image_of_something_else_find_the_part(twins, steps):
     best = best_of(seen, "step_12mm").T_world_part
     T = SE3.from_parts(np.eye(3), np.array([0.025, 0.01, 0.0])) @ best
     place = T @ SE3.from_parts(np.eye(3), steps[0].part.centroid)
-    start = seen_start(seen, steps, around(steps, place, WIDE))
+    start = seen_start(seen, steps, at_place(steps, place, WIDE))
     probe = replace(LASER, approach=np.array([0.0, 0.0, -1.0]), cone=np.radians(80.0))
     sd, rng = float(probe.law.const), np.random.default_rng(4)
     session = Session(start, probe, Sensing(sd=sd), stop=Stop(tolerance=1e-3))
@@ -141,7 +141,7 @@ def test_a_session_from_an_image_is_the_same_from_its_record(twins, steps, tmp_p
     T = best_of(seen, "step_12mm").T_world_part
     place = T @ SE3.from_parts(np.eye(3), steps[0].part.centroid)
     probe = replace(LASER, approach=np.array([0.0, 0.0, -1.0]), cone=np.radians(80.0))
-    for rough in (None, around(steps, place, NARROW)):
+    for rough in (None, at_place(steps, place, NARROW)):
         session = Session(seen_start(seen, steps, rough), probe, Sensing(sd=3e-4))
         action = session.ask()
         session.tell(action.read(true_range(steps[0], T, action)))
@@ -161,7 +161,7 @@ def test_factors_that_no_record_holds_are_refused(twins, steps, tmp_path):
 
 
 def test_nothing_seen_is_rough_place_and_without_one_an_error(steps):
-    rough = around(steps, np.eye(4), NARROW, Priors(unknown=0.2))
+    rough = at_place(steps, np.eye(4), NARROW, Priors(unknown=0.2))
     assert seen_start(None, steps, rough) is rough
     with pytest.raises(InputError, match="expected a part on the table"):
         seen_start(None, steps)
@@ -178,6 +178,6 @@ def test_the_object_is_one_at_prior_and_never_known_furniture(steps):
     for seen in left.objects:
         place = seen.answer.hypotheses[0].T_world_part
         middle = SE3.apply(place, seen.modes[0].model.part.centroid)
-        rough = around(steps[:1], SE3.from_parts(np.eye(3), middle + np.array([0.01, -0.01, 0.03])), WIDE)
+        rough = at_place(steps[:1], SE3.from_parts(np.eye(3), middle + np.array([0.01, -0.01, 0.03])), WIDE)
         assert part_seen(left, rough) is seen
     assert part_seen(replace(left, objects=())) is None

@@ -60,8 +60,8 @@ def test_where_no_reading_can_be_made_the_bore_is_asked_for(plates, tmp_path):
         action.read(0.05)
     write_record(session, tmp_path / "s.json")
     again = read_record(tmp_path / "s.json", plates, whole=session.whole)
-    assert again.asked is not None
-    assert (again.asked.acquires, again.asked.face) == (action.acquires, action.face)
+    assert again.pending is not None
+    assert (again.pending.acquires, again.pending.face) == (action.acquires, action.face)
     session.refuse(action)
     other = session.ask()
     assert not isinstance(other, Action) or (other.acquires, other.part) != (action.acquires, action.part)

@@ -60,7 +60,7 @@ def test_its_words_table_and_curves_say_the_same(planned, wedge):
     assert "All corners within the tolerance then, over all placements" in page
     assert f"<dd>{percent(last.within)}</dd>" in page
     assert f"as at {percent(planned.all_meet)} of the placements" in page
-    assert f"<td>{percent(last.within_if_met)}</td>" in page
+    assert f"<td>{percent(last.within_if_hit)}</td>" in page
 
 
 def test_a_reading_that_is_made_twice_has_one_arrow(planned, wedge):

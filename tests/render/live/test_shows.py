@@ -157,7 +157,7 @@ def test_whatever_is_read_answers_what_was_asked(targets):
 
     class Looks:
         def place(self, note):
-            assert session.asked is None
+            assert session.pending is None
             told.append(session.steps[-1].action.number)
 
     probe_show(session, bare, ()).run(Looks())

@@ -332,27 +332,35 @@ Out scores(const Shape& shape, const Problem& problem, Ints rows, Doubles Ts, do
     return list_of(std::move(out));
 }
 
-std::tuple<Out, Out, OutInts> settled(const Shape& shape, const Problem& problem, Ints rows, Doubles scales,
-                                       Doubles Ts) {
+// Poses that settled, their costs, which start led to each, the common offsets [m] and the distances of the points.
+std::tuple<Out, Out, OutInts, Out, Out> settled(const Shape& shape, const Problem& problem, Ints rows, Doubles scales,
+                                                Doubles Ts, double offset_sd, bool with_distances) {
     const std::vector<Pose> starts = poses(Ts);
     const std::vector<int> which = expect(rows, "rows", ANY, 0, int64_t(problem.factors.size()) - 1);
     const std::vector<double> steps = doubles(scales, "scales", {ANY});
     if (steps.empty()) refuse("scales", "expected some, got none");
     for (const double step : steps) expect(step, "scales", 1e-300, 1e300);
+    expect(offset_sd, "offset_sd", 0, 1e300);
     std::vector<Settled> found;
     {
         nb::gil_scoped_release release;
-        found = settle(shape, problem, which, steps, starts);
+        found = settle(shape, problem, which, steps, starts, offset_sd);
     }
     std::vector<Pose> at;
-    std::vector<double> costs;
+    std::vector<double> costs, offsets, distances;
     std::vector<int32_t> from;
     for (const Settled& s : found) {
         at.push_back(s.pose);
         costs.push_back(s.cost);
         from.push_back(s.from);
+        offsets.push_back(s.offset);
+        if (!with_distances) continue;
+        const std::vector<double> own = distances_at(shape, problem, which, s);
+        distances.insert(distances.end(), own.begin(), own.end());
     }
-    return {poses_out(at), list_of(std::move(costs)), list_of(std::move(from))};
+    const size_t n = which.size(), S = with_distances ? found.size() : 0;
+    return {poses_out(at), list_of(std::move(costs)), list_of(std::move(from)), list_of(std::move(offsets)),
+            array_of(std::move(distances), {S, n})};
 }
 
 // Maxima: poses, shared errors, log densities, informations about the centre, and which start led to each.
@@ -567,7 +575,8 @@ NB_MODULE(native, m) {
     m.def("propose", &proposed, "shape"_a, "problem"_a, "rows"_a, "pairs"_a, "per_pair"_a, "spins"_a, "tolerance"_a,
           "blur"_a, "tilt"_a, "keep"_a, "seed"_a);
     m.def("scores", &scores, "shape"_a, "problem"_a, "rows"_a, "poses"_a, "blur"_a, "tilt"_a);
-    m.def("settle", &settled, "shape"_a, "problem"_a, "rows"_a, "scales"_a, "poses"_a);
+    m.def("settle", &settled, "shape"_a, "problem"_a, "rows"_a, "scales"_a, "poses"_a,
+          "offset_sd"_a = 0.0, "with_distances"_a = false);
     m.def("maximize", &maximized, "shape"_a, "problem"_a, "poses"_a, "shared"_a, "blurs"_a, "steps"_a, "enough"_a,
           "margin"_a);
     m.def("marginals", &marginals, "shape"_a, "problem"_a, "poses"_a, "shared"_a);

@@ -111,6 +111,7 @@ struct NearestElement {
     double distance = 0;       // signed residual [m]
     Vec3 direction;            // of the residual
     Vec3 normal;               // of the surface, if a sensed normal is compared; zero otherwise
+    double along = 1;          // cosine between the approach and the residual: its change with an offset along the approach
 };
 
 // A measurement beside the part, where it has no component: for messages.

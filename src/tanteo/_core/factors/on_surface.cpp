@@ -66,6 +66,7 @@ NearestElement OnSurface::nearest(const Shape& shape, const Pose& pose, const Ve
     out.contradicted = sided && dot(n, transposed_times(pose.R, inward)) > 0;
     out.distance = far - radius;
     out.direction = g;
+    if (directed) out.along = std::fabs(dot(g, transposed_times(pose.R, inward)));
     if (oriented) out.normal = n;
     return out;
 }

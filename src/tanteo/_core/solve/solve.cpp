@@ -36,22 +36,24 @@ void shorten(double* step, int K, double turn, double shift) {
 
 namespace {
 
-void add_normal(NormalEquations<6>& at, const Vec3& n, const Vec3& m, double sd) {
+template <int K>
+void add_normal(NormalEquations<K>& at, const Vec3& n, const Vec3& m, double sd) {
     const double info = 1 / (sd * sd), q = 2 * (1 - dot(m, n)) * info, kernel = 1 / (1 + q / 8), v = kernel * kernel * info;
     const Vec3 tilt = cross(m, n);
     at.cost += kernel * q;
     for (int i = 0; i < 3; ++i) {  // m turns by m x w: the tilt against n shrinks along n x m
         at.gradient[3 + i] -= v * tilt[i];
-        for (int l = 0; l <= i; ++l) at.information[6 * (3 + i) + 3 + l] += v * ((i == l) - n[i] * n[l]);
+        for (int l = 0; l <= i; ++l) at.information[K * (3 + i) + 3 + l] += v * ((i == l) - n[i] * n[l]);
     }
 }
 
 // The distances of points to the nearest surface at a scale [m], under Geman and McClure's robust kernel (1987). The cost is
-// that of the kernel: 4 for a point that is far off.
-NormalEquations<6> surface_distances(const Shape& shape, const Problem& problem, const std::vector<int>& rows, double scale,
-                                     const Pose& pose) {
+// that of the kernel: 4 for a point that is far off. K = 7: with the common offset of all points as a state.
+template <int K>
+NormalEquations<K> surface_distances(const Shape& shape, const Problem& problem, const std::vector<int>& rows, double scale,
+                                     const Pose& pose, double offset, double offset_sd) {
     const double per = 1 / scale;
-    NormalEquations<6> at;
+    NormalEquations<K> at;
     for (const int j : rows) {
         const Factor& factor = *problem.factors[j];
         const Vec3 p = into_part(pose, factor.at);
@@ -61,10 +63,11 @@ NormalEquations<6> surface_distances(const Shape& shape, const Problem& problem,
             continue;
         }
         const Vec3& g = near.direction;
-        const double r = near.distance * per, w = 1 / (1 + 0.25 * r * r);
+        const double r = (near.distance + near.along * offset) * per, w = 1 / (1 + 0.25 * r * r);
         const Vec3 turn = cross(g, p - shape.centre);
         // the point moves by -v + y x w
-        const double J[6] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
+        double J[K] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
+        if constexpr (K > 6) J[6] = near.along * per;
         const double before = at.cost;
         at.add(J, r, w * w);
         at.cost = before + w * r * r;
@@ -73,13 +76,20 @@ NormalEquations<6> surface_distances(const Shape& shape, const Problem& problem,
             add_normal(at, near.normal, m, std::max(factor.direction_sd, scale / (0.25 * shape.diagonal)));
     }
     at.add_weak_prior(0.1 * shape.diagonal, 2, 1e-3);
+    if constexpr (K > 6) {
+        double J[K] = {};
+        J[6] = 1 / offset_sd;
+        at.add(J, offset / offset_sd, 1);
+    }
     return at;
 }
 
 }  // namespace
 
-std::vector<Settled> settle(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
-                            const std::vector<double>& scales, const std::vector<Pose>& starts) {
+template <int K>
+static std::vector<Settled> settle_states(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
+                                          const std::vector<double>& scales, const std::vector<Pose>& starts,
+                                          double offset_sd) {
     std::vector<Settled> all;
     for (size_t k = 0; k < starts.size(); ++k) all.push_back({starts[k], 0, static_cast<int>(k)});
     // three steps, and those that are far behind are given up
@@ -87,15 +97,17 @@ std::vector<Settled> settle(const Shape& shape, const Problem& problem, const st
         const int steps = static_cast<int>(std::min<size_t>(3, scales.size() - first));
         for_all(all.size(), [&] {
             return [&](size_t i) {
-                auto& [pose, cost, from] = all[i];
-                const auto equations = [&, &pose = pose, &cost = cost](int k) {
-                    const auto at = surface_distances(shape, problem, rows, scales[first + k], pose);
-                    cost = at.cost;
+                Settled& one = all[i];
+                const auto equations = [&](int k) {
+                    const auto at =
+                        surface_distances<K>(shape, problem, rows, scales[first + k], one.pose, one.offset, offset_sd);
+                    one.cost = at.cost;
                     return at;
                 };
-                gauss_newton(steps, equations, [&, &pose = pose](double* step, const double*) {
-                    shorten(step, 6, 2 * LARGEST_TURN, 0.5 * shape.diagonal);
-                    pose = moved(pose, load(step), load(step + 3), shape.centre);
+                gauss_newton(steps, equations, [&](double* step, const double*) {
+                    shorten(step, K, 2 * LARGEST_TURN, 0.5 * shape.diagonal);
+                    one.pose = moved(one.pose, load(step), load(step + 3), shape.centre);
+                    if constexpr (K > 6) one.offset += step[6];
                 });
                 if (steps < 3) equations(steps - 1);  // the cost where it ends
             };
@@ -106,6 +118,23 @@ std::vector<Settled> settle(const Shape& shape, const Problem& problem, const st
                   all.end());
     }
     return all;
+}
+
+std::vector<Settled> settle(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
+                            const std::vector<double>& scales, const std::vector<Pose>& starts, double offset_sd) {
+    return (offset_sd > 0 ? settle_states<7> : settle_states<6>)(shape, problem, rows, scales, starts, offset_sd);
+}
+
+std::vector<double> distances_at(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
+                                 const Settled& at) {
+    std::vector<double> out;
+    for (const int j : rows) {
+        const Factor& factor = *problem.factors[j];
+        const NearestElement near = factor.nearest(shape, at.pose, into_part(at.pose, factor.at), false);
+        const bool usable = near.possible && !near.contradicted;
+        out.push_back(usable ? near.distance + near.along * at.offset : INFINITY);
+    }
+    return out;
 }
 
 // Limits steps along motions of the pose that no measurement constrains: a shift of a quarter of the diagonal, and a turn of

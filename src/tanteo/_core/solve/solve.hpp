@@ -10,12 +10,19 @@ struct Settled {
     Pose pose;
     double cost = 0;  // robust, at the last scale: 4 for a point that is far off
     int from = 0;     // which of the starts
+    double offset = 0;  // of all points along their approach [m], where it has a prior
 };
 
 // Robust least squares from points to the nearest place of the surface, at scales from coarse to fine [m], of the
-// points in rows. Poses that cost far more than the best are given up on the way.
+// points in rows. Poses that cost far more than the best are given up on the way. With offset_sd > 0 [m] all points have a
+// common offset along their approach, or along the surface's normal where no approach is known, with that prior.
 std::vector<Settled> settle(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
-                            const std::vector<double>& scales, const std::vector<Pose>& starts);
+                            const std::vector<double>& scales, const std::vector<Pose>& starts, double offset_sd = 0);
+
+// Signed distances of points from the nearest element at a settled pose, less the offset [m]; infinite where the part has
+// none, or where it is approached from behind.
+std::vector<double> distances_at(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
+                                 const Settled& at);
 
 // A maximum: where it is, and what is known there.
 struct Maximum {

@@ -20,7 +20,7 @@ from tanteo.hand import Workspace
 from tanteo.hand.simulator import Solid
 from tanteo.io import read_camera, read_image, read_marks, write_image
 from tanteo.parts import Part
-from tanteo.planning import Action, Probe, Sensing, Session, Stop, around, policy_named
+from tanteo.planning import Action, Probe, Sensing, Session, Stop, at_place, policy_named
 from tanteo.planning.execution import seen_start
 from tanteo.planning.start import Start
 from tanteo.posterior import Hypothesis, PreparedPart, prepare
@@ -129,7 +129,7 @@ def _truth(folder: Path) -> tuple[str, Transforms]:
 def _placed(targets: dict[str, PreparedPart], truth: str, T: Transforms) -> Start:
     """Return the prior of a feeder, which is accurate to some millimetres and degrees."""
     place = T @ SE3.from_parts(np.eye(3), targets[truth].part.centroid)
-    return around(list(targets.values()), place, np.diag(np.repeat([5e-3, 0.1], 3) ** 2))
+    return at_place(list(targets.values()), place, np.diag(np.repeat([5e-3, 0.1], 3) ** 2))
 
 
 def _image_start(folder: Path, parts: Sequence[Part], targets: dict[str, PreparedPart]) -> tuple[Start, Seen]:

@@ -24,8 +24,7 @@ from tanteo.fitting.localization.summary import (
     shared_estimates,
     wrong_side,
 )
-from tanteo.geometry import check_transforms
-from tanteo.geometry.covariances import check_covariances
+from tanteo.geometry import check_covariances, check_transforms
 from tanteo.geometry.limits import LEAST_SD, check_length
 from tanteo.geometry.special import chi2_survival
 from tanteo.geometry.typing import Covariances, FloatArray, Tangents, Transforms, Vectors

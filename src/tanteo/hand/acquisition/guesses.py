@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tanteo.errors import InputError
-from tanteo.geometry.covariances import frozen_array
+from tanteo.geometry import frozen_array
 from tanteo.geometry.typing import FloatArray
 
 

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tanteo.errors import InputError
-from tanteo.geometry import SE3
-from tanteo.geometry.covariances import frozen_array
+from tanteo.geometry import SE3, frozen_array
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms
 from tanteo.hand.robot import Body
 from tanteo.parts import Surface

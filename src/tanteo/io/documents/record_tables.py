@@ -95,7 +95,7 @@ class ActionTable(Table, frozen=True, kw_only=True, eq=False):
 class ObservationTable(Table, frozen=True, kw_only=True, eq=False):
     """Table of one observation; of the readings it stores only the columns that are not empty."""
 
-    asked: ActionTable | None
+    action: ActionTable | None
     readings: object
     note: str
 
@@ -109,12 +109,12 @@ class ObservationTable(Table, frozen=True, kw_only=True, eq=False):
         columns = {} if one.readings is None else as_plain(one.readings)
         filled = {name: column for name, column in columns.items() if name == "ids" or _has_content(column)}
         note = message_of(one.findings)
-        return cls(at=HERE, asked=ActionTable.of(one.action), readings=filled or None, note=note)
+        return cls(at=HERE, action=ActionTable.of(one.action), readings=filled or None, note=note)
 
     def observation(self) -> Observation:
         """Return the observation; missing columns of the readings get their defaults."""
-        asked = None if self.asked is None else self.asked.action()
-        return Observation(asked, self._readings(), (Stated(self.note),) if self.note else ())
+        action = None if self.action is None else self.action.action()
+        return Observation(action, self._readings(), (Stated(self.note),) if self.note else ())
 
     def _readings(self) -> Readings | None:
         raw = self.readings
@@ -176,7 +176,7 @@ class SessionRecord(Table, frozen=True, kw_only=True, eq=False):
         stop: stopping criterion.
         seed: seed of all random numbers.
         observations: observations in order.
-        asked: action whose result was pending; None if none was.
+        pending: action whose readings were awaited; None if there was none.
         refused: actions that could not be carried out.
         questions: largest number given to an action so far.
         answer: answer at that time, a document ``tanteo.recognition/1``.
@@ -194,7 +194,7 @@ class SessionRecord(Table, frozen=True, kw_only=True, eq=False):
     stop: Stop
     seed: Annotated[int, Meta(ge=0)]
     observations: tuple[ObservationTable, ...]
-    asked: ActionTable | None
+    pending: ActionTable | None
     refused: tuple[ActionTable, ...]
     questions: int
     answer: Annotated[dict[str, Any], Meta(description="a table")]

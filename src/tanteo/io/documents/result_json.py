@@ -212,7 +212,7 @@ def explanation_document(explanation: Explanation) -> dict[str, Any]:
     """
     added = [
         {
-            "readings": a.ids, "met": a.met, "part": a.part, "probability": a.probability,
+            "readings": a.ids, "met": a.faces, "part": a.part, "probability": a.probability,
             "about_part_nats": a.about_part, "about_pose_nats": a.about_pose, "motion": str(a.motion or ""),
             "narrowed": a.narrowed, "corner_sd_before_m": a.corner_sd_before, "corner_sd_m": a.corner_sd,
         }

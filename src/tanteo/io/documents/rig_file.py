@@ -16,8 +16,7 @@ import numpy as np
 from msgspec import Meta
 
 from tanteo.errors import CovarianceError, InputError, UnitError
-from tanteo.geometry import SE3, SO3
-from tanteo.geometry.covariances import check_covariance
+from tanteo.geometry import SE3, SO3, check_covariance
 from tanteo.geometry.typing import Covariances, FloatArray, Rotations, Transforms
 from tanteo.io.documents.document import load_toml, made
 from tanteo.io.documents.schema import (

@@ -88,7 +88,7 @@ def session_document(session: Session) -> dict[str, Any]:
         stop=session.stop,
         seed=int(session.seed),
         observations=tuple(map(ObservationTable.of, session.observations)),
-        asked=ActionTable.of(session.asked),
+        pending=ActionTable.of(session.pending),
         refused=tuple(filter(None, map(ActionTable.of, session.refused))),
         questions=int(session.questions),
         answer=recognition_document(session.answer()),
@@ -147,7 +147,7 @@ def load_record(path: str | Path) -> SessionRecord:
     record = table(SessionRecord, _read(path), Place(str(path), "Restore the written record."))
     _policy(record)
     observations = [one.observation() for one in record.observations]
-    actions = [*(one.action for one in observations), record.asked, *record.refused]
+    actions = [*(one.action for one in observations), record.pending, *record.refused]
     least = max((action.number for action in actions if action), default=0)
     if record.questions < least:
         raise record.at.refused("questions", f"{least} or more, the largest number of a question", "Correct it.")
@@ -222,10 +222,10 @@ def resumed(
                 progress(k, len(record.observations))
             yield one.observation()
 
-    asked = None if record.asked is None else record.asked.action()
+    pending = None if record.pending is None else record.pending.action()
     refused = [one.action() for one in record.refused]
     try:
-        session.resume(observations(), asked, refused, record.questions)
+        session.resume(observations(), pending, refused, record.questions)
     except InputError as error:
         raise InputError(f"{record.source}, observations[{len(session.steps)}]: {error}") from None
     return session

@@ -103,7 +103,7 @@ def plan_json(plan: Plan, *, tolerance: float, confidence: float, program: str |
         {
             "number": n, "origin_m": r.origin, "direction": r.direction, "expected_point_m": r.point, "face": r.face,
             "corner_sd_m": float(r.corner_sd), **{name: float(r.feature_sd) for name in own},
-            "within_tolerance": float(r.within), "within_tolerance_if_met": float(r.within_if_met),
+            "within_tolerance": float(r.within), "within_tolerance_if_met": float(r.within_if_hit),
             "meets_face": float(r.meets),
         }
         for n, r in enumerate(plan.readings, 1)
@@ -114,7 +114,7 @@ def plan_json(plan: Plan, *, tolerance: float, confidence: float, program: str |
         "pose": {"frame": "world", "matrix": plan.T_world_part}, "feature": plan.feature,
         "feature_sd_before_m" if own else "corner_sd_before_m": float(plan.before), "readings": rows,
         "within_tolerance": None if last is None else float(last.within), "all_meet": float(plan.all_meet),
-        "room": float(plan.room), "covariance": None if last is None else covariance_document(last.covariance),
+        "room": float(plan.all_clear), "covariance": None if last is None else covariance_document(last.covariance),
         **more,
     }, indent=1)  # fmt: skip
 
@@ -139,7 +139,7 @@ def plan_csv(plan: Plan) -> str:
         mm = [f"{1e3 * v:.4f}" for v in (*r.origin, *r.point)]
         d = [f"{v:.6f}" for v in r.direction]
         sds = [f"{1e3 * v:.4f}" for v in (r.corner_sd, r.feature_sd)[: 1 + len(own)]]
-        met = [f"{v:.4f}" for v in (r.within, r.within_if_met, r.meets)]
+        met = [f"{v:.4f}" for v in (r.within, r.within_if_hit, r.meets)]
         writer.writerow([n, *mm[:3], *d, *mm[3:], r.face, *sds, *met])
     return out.getvalue()
 

@@ -13,7 +13,7 @@ from tanteo.hand.motion import Rules
 from tanteo.hand.simulator import Scene, SimulatedHand
 from tanteo.io.documents.scene_file import SceneFile
 from tanteo.parts import Part
-from tanteo.planning import Furniture, Sensing, Session, Stop, around, hand_probe, policy_named
+from tanteo.planning import Furniture, Sensing, Session, Stop, at_place, hand_probe, policy_named
 from tanteo.planning.execution import acquirable, reachable, seen_start
 from tanteo.planning.start import Start
 from tanteo.posterior import PosePrior, PreparedPart, Priors, prepare_all
@@ -35,7 +35,7 @@ def prior_start(scene: SceneFile, targets: Sequence[PreparedPart], known: PosePr
         n = len(targets)
         Ts, covariances = (np.repeat(a[None], n, axis=0) for a in (known.T_world_part, known.covariance))
         return Start(tuple(targets), np.arange(n), Ts, covariances, np.ones(n), Priors())
-    return None if scene.prior is None else around(targets, scene.prior.T, scene.prior.C)
+    return None if scene.prior is None else at_place(targets, scene.prior.T, scene.prior.C)
 
 
 def start_of(

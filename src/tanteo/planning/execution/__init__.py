@@ -1,7 +1,7 @@
-"""Carry out a sensing session with a robot hand: from a rough initial idea of a part to its identity and pose.
+"""Execution of a sensing session with a robot hand, from a rough prior to the identity and pose of a part.
 
-The hand must not touch anything. It keeps clear of every pose that the belief still allows, of the bounds of its
-workspace and, by its sensors, of obstacles on the way. The package does not import the simulator.
+The hand must not touch anything. It keeps its clearance from every possible pose of the parts, from the bounds of its
+workspace and, by its sensors, from obstacles on the path. The package does not import the simulator.
 """
 
 from lazy_loader import attach_stub

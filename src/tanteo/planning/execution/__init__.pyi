@@ -1,6 +1,6 @@
 from .approach import approach_path as approach_path
 from .approach import approach_poses as approach_poses
-from .approach import back as back
+from .approach import retreated_poses as retreated_poses
 from .approach import route as route
 from .loop import Executed as Executed
 from .loop import Visit as Visit

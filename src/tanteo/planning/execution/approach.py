@@ -1,4 +1,4 @@
-"""Hand poses that place a frontal sensor on a beam, with free rotation about it, and safe paths to them."""
+"""Hand poses that align a frontal sensor with a planned beam, and safe paths to them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from tanteo.planning.execution.possible import FreeSpace
 from tanteo.planning.state import SensingState
 
 _TURNS = 8
-"""Number of rotations about a beam that are tried."""
+"""Number of rotations of the hand about a beam that are tried."""
 
 
 def approach_poses(hand: Hand, origins: Vectors, directions: Vectors) -> Transforms:
-    """Return hand poses that place a frontal sensor at an origin, pointing along a direction.
+    """Return the hand poses that align a frontal sensor with each beam, with several rotations about it.
 
     Args:
         hand: sensors and body of the hand.
@@ -26,7 +26,8 @@ def approach_poses(hand: Hand, origins: Vectors, directions: Vectors) -> Transfo
         directions: unit beam directions ``(C, 3)``, world frame.
 
     Returns:
-        Poses ``T_world_hand`` ``(C, m, 4, 4)``: all rotations with the first sensor, then those with the second.
+        Poses ``T_world_hand`` ``(C, m, 4, 4)``: all rotations with the first frontal sensor, then those with the
+        second.
     """
     T_world_beam = SE3.from_parts(SO3.frame_from_axis(directions, 2), np.asarray(origins, dtype=np.float64))
     turns = np.zeros((_TURNS, 6))
@@ -36,37 +37,45 @@ def approach_poses(hand: Hand, origins: Vectors, directions: Vectors) -> Transfo
     return np.asarray(T_world_beam[:, None] @ each.reshape(-1, 4, 4))
 
 
-def back(Ts_world_hand: Transforms, distance: float) -> Transforms:
-    """Return poses moved back along the hand's z axis by a distance [m]."""
+def retreated_poses(Ts_world_hand: Transforms, distance: float) -> Transforms:
+    """Return hand poses moved backward along the hand's z axis.
+
+    Args:
+        Ts_world_hand: poses ``(*batch, 4, 4)``.
+        distance: length of the retreat [m].
+    """
     out = np.array(Ts_world_hand)
     out[..., :3, 3] -= distance * out[..., :3, 2]
     return out
 
 
 def feasible(hand: Hand, space: FreeSpace, candidates: Candidates, retreat: float) -> BoolArray:
-    """Return which candidate beams the hand can take and reach by a straight approach, as flags ``(C,)``.
+    """Return flags of the candidate beams that the hand can reach by a straight approach ``(C,)``.
 
     Args:
         hand: sensors and body of the hand.
-        space: free space.
+        space: free space of the hand.
         candidates: beams to check.
         retreat: length of the straight final approach [m].
     """
     Ts = approach_poses(hand, candidates.origins, candidates.directions)
-    ways = np.stack([Ts, back(Ts, retreat)], axis=2)
-    ok: BoolArray = np.all(space.within(ways), axis=2)
-    ok[ok] = (space.gaps(ways[ok]) >= space.clearance).all(axis=1)
+    paths = np.stack([Ts, retreated_poses(Ts, retreat)], axis=2)
+    ok: BoolArray = np.all(space.within(paths), axis=2)
+    ok[ok] = (space.gaps(paths[ok]) >= space.clearance).all(axis=1)
     return np.asarray(ok.any(axis=1))
 
 
 def ranked(hand: Hand, state: SensingState, Ts: Transforms, near: Transforms, reach: float) -> Transforms:
-    """Return approach poses, ordered by the number of beams that hit the most probable mode, then by least rotation.
+    """Return approach poses in the order of preference.
+
+    First are those whose frontal beams both hit the part at the most probable mode, then those with the smallest
+    rotation from the current pose.
 
     Args:
         hand: sensors and body of the hand.
-        state: current belief.
+        state: posterior of the session.
         Ts: approach poses ``(m, 4, 4)``, world frame.
-        near: current pose of the hand ``(4, 4)``.
+        near: current pose ``T_world_hand`` ``(4, 4)``.
         reach: largest useful range of a beam [m].
     """
     target, to_part = state.target(0), SE3.inverse(state.poses[0])
@@ -74,19 +83,26 @@ def ranked(hand: Hand, state: SensingState, Ts: Transforms, near: Transforms, re
     starts = SE3.apply(to_part, SE3.apply(Ts[:, None], hand.origins[pair]))
     beams = (to_part[:3, :3] @ Ts[:, None, :3, :3] @ hand.axes[pair][..., None])[..., 0]
     hits = target.surface.cast(starts.reshape(-1, 3), beams.reshape(-1, 3)).distances.reshape(len(Ts), -1) < reach
-    alike = np.einsum("ij,nij->n", near[:3, :3], Ts[:, :3, :3])
-    return np.asarray(Ts[np.lexsort((-alike, -hits.sum(axis=1)))])
+    similarity = np.einsum("ij,nij->n", near[:3, :3], Ts[:, :3, :3])
+    return np.asarray(Ts[np.lexsort((-similarity, -hits.sum(axis=1)))])
 
 
 _STEP = 0.01
-"""Distance of the hand's front between two checked poses of a path [m]; their angle in rad is at most ten times it."""
+"""Largest displacement of the hand's front between two checked poses of a path [m]. The largest rotation in radians is
+ten times that number."""
 
 _LIFTS = (0.0, 0.1)
-"""Heights above all possible obstacles at which the hand crosses them [m]."""
+"""Heights above all possible poses of parts at which the hand may cross them [m], tried in this order."""
 
 
 def approach_path(hand: Hand, T_from: Transforms, T_to: Transforms) -> Transforms:
-    """Return poses ``(n, 4, 4)`` on the path of :func:`tanteo.hand.motion.go_to`, dense enough to find collisions."""
+    """Return poses ``(n, 4, 4)`` on the path of :func:`tanteo.hand.motion.go_to`, dense enough to check for collisions.
+
+    Args:
+        hand: sensors and body of the hand.
+        T_from: first pose ``T_world_hand`` ``(4, 4)``.
+        T_to: last pose ``T_world_hand`` ``(4, 4)``.
+    """
     a, b = (SE3.apply(T, hand.front) for T in (T_from, T_to))
     turn = pose_difference(T_from, T_to)[1]
     n = 2 + int(max(np.linalg.norm(b - a) / _STEP, np.linalg.norm(turn) / (10 * _STEP)))
@@ -96,24 +112,24 @@ def approach_path(hand: Hand, T_from: Transforms, T_to: Transforms) -> Transform
 def route(
     hand: Hand, space: FreeSpace, T_from: Transforms, T_to: Transforms, retreat: float
 ) -> list[Transforms] | None:
-    """Return waypoints to ``T_to`` (included) whose whole path is free, or None if none was found.
+    """Return the waypoints of a free path to a target pose, which is the last one, or None if none was found.
 
-    The direct path and paths over the obstacles are tried, shortest first. The hand retreats before it rotates, and
-    approaches the target along a straight line.
+    The direct path and paths above the possible parts are tried, shortest first. The hand retreats before it rotates,
+    and it approaches the target along a straight line.
 
     Args:
         hand: sensors and body of the hand.
-        space: free space.
+        space: free space of the hand.
         T_from: current pose of the hand ``(4, 4)``.
         T_to: target pose of the hand ``(4, 4)``.
         retreat: length of the straight retreat and of the final approach [m].
     """
-    before, behind = back(T_to, retreat), back(T_from, retreat)
-    ways = [[before, T_to], [behind, before, T_to]]
+    before, retreated = retreated_poses(T_to, retreat), retreated_poses(T_from, retreat)
+    paths = [[before, T_to], [retreated, before, T_to]]
     for lift in _LIFTS:
-        over = [_lifted(space, T, lift) for T in (T_from, behind, before)]
-        ways += [[over[0], over[2], before, T_to], [behind, over[1], over[2], before, T_to]]
-    for stops in sorted(ways, key=lambda stops: _length(hand, [T_from, *stops])):
+        over = [_lifted(space, T, lift) for T in (T_from, retreated, before)]
+        paths += [[over[0], over[2], before, T_to], [retreated, over[1], over[2], before, T_to]]
+    for stops in sorted(paths, key=lambda stops: _length(hand, [T_from, *stops])):
         legs = zip([T_from, *stops], stops, strict=False)
         if all(space.along(approach_path(hand, a, b)) for a, b in legs):
             return stops
@@ -121,7 +137,7 @@ def route(
 
 
 def _lifted(space: FreeSpace, T: Transforms, more: float) -> Transforms:
-    """Return a pose raised until the whole body is above all possible obstacles by the clearance and ``more`` [m]."""
+    """Return a pose raised until the whole body is above all possible parts by the clearance and ``more`` [m]."""
     lowest = float((space.body.placed(T)[:, 2] - space.body.radii).min())
     out = np.array(T)
     out[2, 3] += max(space.possible.top() + space.clearance + more - lowest, 0.0)

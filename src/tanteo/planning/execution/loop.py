@@ -1,4 +1,4 @@
-"""Execute a session with a hand: take an action, move there without contact, read at rest, report; until it is done."""
+"""Execution of a session with a hand, which moves to each action without contact, reads at rest, and updates."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tanteo.words import Finding, message_of
 from tanteo.words.findings import BeamsFree, FurnitureMet, NoClearPath, NoEcho, NothingToAcquire
 
 _TRIED = 4
-"""Number of approach poses per beam for which a path is planned."""
+"""Largest number of approach poses of a beam to which a path is planned."""
 
 _REFUSED = 25
 """Number of successive actions without a reading after which the run ends."""
@@ -43,8 +43,8 @@ class Visit:
     Attributes:
         action: action that the session proposed.
         motions: motions of the hand, in order.
-        step: update of the belief by the readings; None without readings.
-        leader: name of the most probable part after the update; empty without one.
+        step: posterior after the readings; None without readings.
+        leader: name of the most probable part after the action; empty if no part explains the readings.
         findings: remarks for the user, such as why a motion failed.
         seconds: time since the start of the run [s].
         travel: path length of the hand's front since the start of the run [m].
@@ -60,7 +60,7 @@ class Visit:
 
     @property
     def note(self) -> str:
-        """The remarks in words; empty without any."""
+        """Text of the remarks; empty without any."""
         return message_of(self.findings)
 
 
@@ -70,7 +70,7 @@ class Executed:
 
     Attributes:
         end: reason for the end of the run.
-        visits: all actions with their results, in order.
+        visits: all actions and their results, in order.
     """
 
     end: Done
@@ -88,11 +88,11 @@ class Executed:
 
 
 def reachable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingState, Candidates], BoolArray]:
-    """Return a function that decides which candidate beams the hand can take, for :attr:`tanteo.planning.Session.able`.
+    """Return a function that flags the candidates in reach of a hand, for :attr:`tanteo.planning.Session.able`.
 
     Args:
         hand: sensors and body of the hand.
-        rules: limits of its motions.
+        rules: limits of the hand's motions.
         retreat: length of the straight final approach [m].
     """
 
@@ -114,19 +114,19 @@ def sense_part(
 ) -> Executed:
     """Sense a part with a hand until the session ends.
 
-    The session's probe models one frontal sensor; both frontal sensors are read where the hand rests. If a motion ends
-    early, the readings there are still used, and the session does not propose that action again.
+    The session's probe models one frontal sensor. Where the hand rests, both frontal sensors are read. If a motion ends
+    early, the readings there are used, and the session does not choose that action again.
 
     Args:
-        session: belief and planner. Set ``able`` to :func:`reachable` and ``whole`` to :func:`acquirable`.
+        session: posterior and planner. Set ``able`` to :func:`reachable` and ``whole`` to :func:`acquirable`.
         robot: robot that carries the hand.
-        rules: limits of its motions.
-        furniture: known solids of the cell; beams that hit them count as free up to them.
-        errors: error model of the reported poses.
-        watch: callback after every action.
+        rules: limits of the hand's motions.
+        furniture: known solids of the cell; a beam that hits one is a free-space ray that ends before it.
+        errors: error model of the robot's reported poses; None for exact poses.
+        watch: function to call after every action.
 
     Returns:
-        The reason for the end and all actions with their results.
+        Reason for the end, and all actions with their results.
     """
     run, began = _Run(session, robot, rules, furniture, errors), robot.sensed.time
     visits, in_vain, gone = list[Visit](), 0, 0.0
@@ -155,7 +155,7 @@ class _Run:
 
     def answer(self, action: Action) -> tuple[tuple[Motion, ...], Step | None, tuple[Finding, ...]]:
         """Move, read and update the session; return the motions, the update and remarks for the user."""
-        stops = self._way(action)
+        stops = self._waypoints(action)
         if stops is None:
             self.session.refuse(action)
             return (), None, (NoClearPath("hand"),)
@@ -164,7 +164,9 @@ class _Run:
             return self._acquire(action, motions)
         failed = () if motions[-1].reached else (motions[-1].finding,)
         step, remarks = self._read(action)
-        if failed or step is None or remarks or not step.ids:  # without new information it would be proposed again
+        if (
+            failed or step is None or remarks or not step.ids
+        ):  # without new information the session would choose the action again
             self.session.refuse(action)
         return motions, step, (*failed, *remarks)
 
@@ -185,7 +187,7 @@ class _Run:
             return motions, None, (got.finding,)
         return motions, self.session.tell(readings_of(got), action), (got.finding,)
 
-    def _way(self, action: Action) -> list[Transforms] | None:
+    def _waypoints(self, action: Action) -> list[Transforms] | None:
         hand, session, here = self.robot.hand, self.session, self.robot.sensed.T_world_hand
         space = FreeSpace(hand.body, self.rules.workspace, PossiblePoses.of(session.state), self.rules.clearance)
         probe = session.probe
@@ -193,11 +195,11 @@ class _Run:
         Ts = Ts[space.allows(Ts)]
         if not len(Ts):
             return None
-        ways = (
+        routes = (
             route(hand, space, here, T, probe.retreat)
             for T in ranked(hand, session.state, Ts, here, probe.max_range)[:_TRIED]
         )
-        return next((stops for stops in ways if stops is not None), None)
+        return next((stops for stops in routes if stops is not None), None)
 
     def _go(self, stops: list[Transforms]) -> tuple[Motion, ...]:
         fast = replace(self.rules, speed=_TRAVEL * self.rules.speed)
@@ -217,7 +219,7 @@ class _Run:
             return None, (NoEcho(),)
         remarks: tuple[Finding, ...] = ()
         if self.furniture is not None:
-            of_it = self.furniture.met(readings, hand.rig, self.errors, self.session.state)
+            of_it = self.furniture.hit(readings, hand.rig, self.errors, self.session.state)
             readings = beyond_furniture(readings, of_it, hand.rig)
             remarks = (FurnitureMet(int(of_it.sum())),) if of_it.any() else ()
         if readings.is_free.all():

@@ -1,4 +1,7 @@
-"""Free space of the hand: all poses that the belief or uncontradicted priors allow are treated as obstacles."""
+"""Free space of the hand: the possible poses of the parts are obstacles.
+
+A pose is possible if the posterior has it, or if the prior has it and the readings do not contradict it.
+"""
 
 from __future__ import annotations
 
@@ -17,29 +20,30 @@ from tanteo.planning.state import SensingState
 from tanteo.posterior import PreparedPart, box_corners
 
 _DRAWN = 1000
-"""Number of prior poses of every part that are checked; with a prior as wide as a hand, one is within 10 mm of the
-true pose."""
+"""Number of sampled prior poses of each part that are checked. If the prior is as wide as a hand, one sample is within
+10 mm of the true pose."""
 
 OFF = 0.010
-"""Distance by which a reading must disagree with a pose to contradict it [m]."""
+"""Distance between reading and surface beyond which the reading contradicts a pose [m]."""
 
 _STRAYS = 1
-"""Number of readings that may contradict an allowed pose, since one may be an outlier."""
+"""Number of readings that may contradict a possible pose, because one may be an outlier."""
 
 _PACE, _MOST = 0.008, 12
-"""Spacing of the points checked along the free part of a beam, back from its end [m], and their largest number."""
+"""Spacing [m] and largest number of the points that are checked along the free part of a beam, from its end
+backward."""
 
 _APART = 0.005
-"""Largest distance between corresponding corners of the part's box at which two allowed poses count as equal [m]."""
+"""Largest distance between the corners of the part's box at two poses up to which the poses count as equal [m]."""
 
 
 def allowed(state: SensingState, most: int) -> tuple[Transforms, IntArray]:
-    """Return poses that the prior allows and the readings do not contradict, spread over the allowed set.
+    """Return prior poses that the readings do not contradict, as different from each other as possible.
 
-    Probabilities are not used. Every part with an allowed pose is represented.
+    Probabilities are not used. Every part with such a pose has at least one in the result.
 
     Args:
-        state: current belief with its prior poses and readings.
+        state: posterior of the session with its prior poses and readings.
         most: approximate largest number of poses.
 
     Returns:
@@ -68,7 +72,7 @@ def _uncontradicted(start: Start, part: int, touches: ContactPoints | None, free
 def _crossed(
     target: PreparedPart, Ts: Transforms, ends: FloatArray, along: FloatArray, lengths: FloatArray
 ) -> IntArray:
-    """Count the free segments, given by end, direction and length, that pass deep through the part at each pose."""
+    """Return the number of free segments that pass deep through the part at each pose ``(S,)``."""
     steps = _PACE * np.arange(1, 1 + _MOST)
     points = ends[:, None] - steps[:, None] * along[:, None]
     deep = _distances(target, Ts, points.reshape(-1, 3)).reshape(len(Ts), len(ends), _MOST) < -OFF
@@ -81,7 +85,7 @@ def _distances(target: PreparedPart, Ts: Transforms, points: FloatArray) -> Floa
 
 
 def _spread(target: PreparedPart, Ts: Transforms, most: int) -> Transforms:
-    """Select at most ``most`` poses by farthest-point sampling of the box corners."""
+    """Select at most ``most`` poses by farthest-point sampling of the corners of the part's box."""
     corners = SE3.apply(Ts[:, None], box_corners(target.part))
     chosen, gaps = [0], np.full(len(Ts), np.inf)
     while True:
@@ -92,15 +96,15 @@ def _spread(target: PreparedPart, Ts: Transforms, most: int) -> Transforms:
 
 
 _STEP, FAR = 0.008, 0.045
-"""Spacing of the distance grid [m], and the distance at which its values are cut off [m]."""
+"""Spacing of the distance grid [m], and distance at which its values are truncated [m]."""
 
 _NODES = 5e7
-"""Largest number of nodes of a grid; it limits the memory to 400 MB."""
+"""Largest number of nodes of a grid, which limits the memory to 400 MB."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Occupied:
-    """Grid of the smallest distance from parts at given poses, in the world frame.
+    """Grid of the distance from the nearest of several parts at given poses, in the world frame.
 
     Attributes:
         origin: position of the first node ``(3,)``, world frame [m].
@@ -112,7 +116,18 @@ class Occupied:
 
     @classmethod
     def by(cls, targets: tuple[PreparedPart, ...], part: IntArray, Ts: Transforms) -> Occupied:
-        """Create the grid for parts at poses ``(K, 4, 4)``; distances are low by half a cell of the parts' grids."""
+        """Create the grid for parts at poses.
+
+        Distances are smaller than the exact ones by up to half a cell of the parts' own grids.
+
+        Args:
+            targets: prepared parts.
+            part: index of the part of each pose ``(K,)``.
+            Ts: poses ``T_world_part`` ``(K, 4, 4)``.
+
+        Raises:
+            InputError: the grid is too large, because the poses are spread too widely.
+        """
         if not len(Ts):
             return cls(np.zeros(3), np.full((1, 1, 1), FAR))
         ends = np.array([_reach(targets[k], T) for k, T in zip(part, Ts, strict=True)])
@@ -122,8 +137,8 @@ class Occupied:
         if np.prod(last.max(axis=0).astype(np.float64)) > _NODES:
             size = " x ".join(f"{v:.3g}" for v in ends[:, 1].max(axis=0) - origin)
             raise InputError(
-                f"prior pose: expected the parts within some metres, got {size} m in which they may be. Say better "
-                "where they are ([prior] of the scene, --pose-prior, or an image)."
+                f"prior pose: expected the parts within some metres, got {size} m in which they may be. State more "
+                "precisely where they are ([prior] of the scene, --pose-prior, or an image)."
             )
         table = np.full(last.max(axis=0), FAR)
         for k, T, a, b in zip(part, Ts, first, last, strict=True):
@@ -134,7 +149,7 @@ class Occupied:
         return cls(origin, table)
 
     def __call__(self, points: Vectors) -> FloatArray:
-        """Return distances at points ``(*batch, 3)`` by linear interpolation ``(*batch,)`` [m]."""
+        """Return the interpolated distances ``(*batch,)`` [m] at world points ``(*batch, 3)`` [m]."""
         from scipy.ndimage import map_coordinates  # slow to import
 
         at = np.moveaxis((points - self.origin) / _STEP, -1, 0)
@@ -142,30 +157,30 @@ class Occupied:
 
 
 def _reach(target: PreparedPart, T: Transforms) -> FloatArray:
-    """Return the world-aligned box ``(2, 3)`` outside of which the part is farther away than :data:`FAR` [m]."""
+    """Return the world-aligned box, as corners ``(2, 3)`` [m], that contains all points nearer to the part than FAR."""
     corners = SE3.apply(T, box_corners(target.part))
     return np.stack([corners.min(axis=0) - FAR, corners.max(axis=0) + FAR])
 
 
-_LIVE = 0.003
-"""Smallest probability of a mode that the hand keeps clear of."""
+_PROBABLE = 0.003
+"""Smallest probability of a mode that is an obstacle."""
 
 CONFIRMED = 0.999
-"""Probability of a part from which only the belief's poses count as obstacles."""
+"""Probability of a part from which only the poses of the posterior are obstacles."""
 
 _DRAWS, _ALLOWED = 24, 120
-"""Numbers of poses drawn from the belief and of uncontradicted prior poses."""
+"""Numbers of poses sampled from the posterior, and of prior poses that the readings do not contradict."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PossiblePoses:
-    """Set of poses at which parts may be.
+    """Poses at which parts may be, with the distance from all of them.
 
     Attributes:
         targets: prepared parts.
         part: index of the part of each pose ``(K,)``.
         Ts: poses ``T_world_part`` ``(K, 4, 4)``, most probable modes first.
-        occupied: grid of the distance from all of them.
+        occupied: grid of the distance from the nearest part at any of the poses.
     """
 
     targets: tuple[PreparedPart, ...]
@@ -177,15 +192,18 @@ class PossiblePoses:
         object.__setattr__(self, "occupied", Occupied.by(self.targets, self.part, self.Ts))
 
     @classmethod
-    @lru_cache(maxsize=1)  # candidates and ways ask in turn
+    @lru_cache(maxsize=1)  # the checks of candidates and of paths use the same state in turn
     def of(cls, state: SensingState) -> PossiblePoses:
-        """Collect the live modes, samples of the belief, and prior poses that no reading contradicts.
+        """Return the probable modes, samples of the posterior, and prior poses that no reading contradicts.
 
-        The belief alone is not safe: if it were wrong, the hand would find out by a collision.
+        The posterior alone is not safe: if it is wrong, the hand collides with the part.
+
+        Args:
+            state: posterior of the session.
         """
-        live = np.flatnonzero(state.weights >= _LIVE)
-        live = live[np.argsort(-state.weights[live], kind="stable")]
-        Ts, part = [state.poses[live]], [state.part[live]]
+        probable = np.flatnonzero(state.weights >= _PROBABLE)
+        probable = probable[np.argsort(-state.weights[probable], kind="stable")]
+        Ts, part = [state.poses[probable]], [state.part[probable]]
         if state.draws is not None and len(state.draws.weights):
             w = np.cumsum(state.draws.weights)
             rows = np.unique(np.searchsorted(w, w[-1] * (np.arange(_DRAWS) + 0.5) / _DRAWS).clip(0, len(w) - 1))
@@ -198,11 +216,15 @@ class PossiblePoses:
         return cls(state.start.targets, np.concatenate(part), np.concatenate(Ts))
 
     def distances(self, points: Vectors) -> FloatArray:
-        """Return lower bounds on the distance of points ``(*batch, 3)`` from all poses ``(*batch,)`` [m]."""
+        """Return lower bounds of the distances of points from the nearest part at any pose ``(*batch,)`` [m].
+
+        Args:
+            points: points, world frame ``(*batch, 3)`` [m].
+        """
         return self.occupied(points)
 
     def top(self) -> float:
-        """Return the largest world z over all poses [m]."""
+        """Return the largest z of a part at any pose, world frame [m]; minus infinity without poses."""
         heights = [
             float((T[2, :3] @ self.targets[k].part.vertices.T).max() + T[2, 3])
             for k, T in zip(self.part, self.Ts, strict=True)
@@ -212,14 +234,14 @@ class PossiblePoses:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeSpace:
-    """Free space for the whole hand between workspace bounds and possible parts.
+    """Free space of the whole hand between the bounds of the workspace and the possible parts.
 
     Attributes:
-        body: spheres of the hand.
+        body: model of the hand as spheres.
         workspace: bounds and forbidden boxes.
-        possible: poses of parts to keep clear of.
+        possible: possible poses of the parts.
         clearance: required distance from parts and bounds [m].
-        slack: additional distance from the bounds, where the steering would slow the hand down [m].
+        slack: additional distance from the bounds [m], below which the steering slows the hand down.
     """
 
     body: Body
@@ -229,25 +251,41 @@ class FreeSpace:
     slack: float = 2e-3
 
     def within(self, Ts_world_hand: Transforms) -> BoolArray:
-        """Return whether the workspace allows poses ``(*batch, 4, 4)``, as flags ``(*batch,)``."""
+        """Return flags of the hand poses at which the body is inside the workspace bounds ``(*batch,)``.
+
+        Args:
+            Ts_world_hand: poses ``(*batch, 4, 4)``.
+        """
         return self.workspace.allows(self.body, Ts_world_hand, self.clearance + self.slack)
 
     def gaps(self, Ts_world_hand: Transforms) -> FloatArray:
-        """Return the distance of the body from all possible parts at poses ``(*batch, 4, 4)``, ``(*batch,)`` [m]."""
+        """Return the distance of the body from the nearest possible part at each hand pose ``(*batch,)`` [m].
+
+        Args:
+            Ts_world_hand: poses ``(*batch, 4, 4)``.
+        """
         centres = self.body.placed(Ts_world_hand)
         return np.asarray((self.possible.distances(centres) - self.body.radii).min(axis=-1))
 
     def allows(self, Ts_world_hand: Transforms) -> BoolArray:
-        """Return whether poses ``(n, 4, 4)`` keep the clearance, as flags ``(n,)``."""
+        """Return flags of the hand poses with the clearance from bounds and possible parts ``(n,)``.
+
+        Args:
+            Ts_world_hand: poses ``(n, 4, 4)``.
+        """
         ok = self.within(Ts_world_hand)
         ok[ok] = self.gaps(Ts_world_hand[ok]) >= self.clearance
         return ok
 
-    def along(self, way: Transforms) -> bool:
-        """Return whether a path ``(n, 4, 4)`` keeps the clearance, or at least the distance that it starts with."""
-        here = self.workspace.of_body(self.body, way[0])
+    def along(self, path: Transforms) -> bool:
+        """Return whether a path has the clearance, or at least nowhere less than the distance at its start.
+
+        Args:
+            path: hand poses of the path, dense ``(n, 4, 4)``.
+        """
+        here = self.workspace.of_body(self.body, path[0])
         bounds = np.minimum(self.clearance + self.slack, here - 1e-3)
-        if not (self.workspace.of_body(self.body, way) >= bounds).all():
+        if not (self.workspace.of_body(self.body, path) >= bounds).all():
             return False
-        gaps = self.gaps(way)
+        gaps = self.gaps(path)
         return bool((gaps >= min(self.clearance, gaps[0] - 1e-3)).all())

@@ -1,4 +1,4 @@
-"""Readings of a hand at rest, and the separation of readings of known furniture from those of a part."""
+"""Readings of a hand at rest, and the separation of readings on known furniture from those on a part."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ from tanteo.sensors import Column, PointMeasurements, Readings, Rig, error_model
 from tanteo.sensors.presets import RobotPreset
 
 _NEAR, _FORM = 4.0, 1e-3
-"""Standard deviations, and an additional form error [m], within which a reading may belong to furniture."""
+"""Largest distance of a reading from furniture to which it may belong: a multiple of the standard deviation, plus a
+form error [m]."""
 
 _SURE, _SAMPLES = 0.9, 128
-"""Probability above which such a reading is still used as one of a part, and number of belief samples for it."""
+"""Probability of a part above which such a reading is attributed to the part, and number of posterior samples for that
+probability."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,23 +37,21 @@ class Furniture:
 
     surface: Surface
 
-    def met(
+    def hit(
         self, readings: Readings, rig: Rig, robot: RobotPreset | None, state: SensingState | None = None
     ) -> BoolArray:
-        """Return which readings belong to furniture rather than to a part.
+        """Return flags of the readings that hit furniture rather than a part ``(n,)``.
 
-        A point lies on the beam axis, but any ray of the cone may have hit the surface. At grazing incidence the point
-        may therefore lie before the furniture by the extent of the spot. Such a reading counts as one of a part only if
-        the belief gives that a probability of 0.9: a false touch excludes the true pose, a dropped one costs little.
+        A measured point lies on the axis of the beam, but any ray of its cone may have hit the surface. At grazing
+        incidence the point may therefore lie before the furniture by the size of the spot. Such a reading is attributed
+        to a part only if the posterior gives that a probability of 0.9. A false contact point excludes the true pose,
+        while a dropped one costs little.
 
         Args:
             readings: readings, free ones included.
             rig: range sensors of the hand.
-            robot: error model of the reported poses.
-            state: belief about the parts; None if no part is expected.
-
-        Returns:
-            One flag per reading ``(n,)``.
+            robot: error model of the robot's reported poses; None for exact poses.
+            state: posterior of the session; None if no part is expected.
         """
         measured = measure(readings, rig=rig, robot=robot)
         out = np.zeros(len(readings), dtype=bool)
@@ -68,7 +68,7 @@ class Furniture:
         return out
 
     def _reached(self, measured: PointMeasurements, spots: FloatArray) -> tuple[BoolArray, FloatArray]:
-        """Return whether each reading may be of furniture ``(n,)``, and its density if it is ``(n,)`` [1/m]."""
+        """Return whether each reading may have hit furniture ``(n,)``, and its density in that case ``(n,)`` [1/m]."""
         closest = self.surface.closest(measured.points)
         across = (measured.points - closest.points) / np.maximum(closest.distances, 1e-12)[:, None]
         cosines = np.abs(np.sum(across * measured.directions, axis=1)).clip(1e-3, 1.0)
@@ -84,26 +84,26 @@ class Furniture:
 def _expected(
     state: SensingState, measured: PointMeasurements, ranges: FloatArray, spots: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the density of part surfaces at the ranges [1/m] and the probability of no part before them, ``(n,)``."""
+    """Return the density of a part's surface at each range [1/m], and the probability of no part before it ``(n,)``."""
     samples, d = draw(state, _SAMPLES), measured.directions
     if not len(samples):
         return np.zeros(len(ranges)), np.ones(len(ranges))
     p = predict(samples, measured.points - ranges[:, None] * d, d)
     along = np.einsum("ni,nij,nj->n", d, measured.total_covs(), d)
-    met, cosines = p.met, np.maximum(p.cosines, 0.1)
+    hit, cosines = p.hit, np.maximum(p.cosines, 0.1)
     variances = p.variances + along[:, None] + (0.5 * spots[:, None]) ** 2 * (1 / cosines**2 - 1)
-    gaps = ranges[:, None] - np.where(met, p.ranges, 0.0)
-    density = np.where(met, np.exp(-0.5 * gaps**2 / variances) / np.sqrt(2 * np.pi * variances), 0.0)
+    gaps = ranges[:, None] - np.where(hit, p.ranges, 0.0)
+    density = np.where(hit, np.exp(-0.5 * gaps**2 / variances) / np.sqrt(2 * np.pi * variances), 0.0)
     known = 1 - state.unknown
-    return known * (density @ samples.weights), state.unknown + known * ((gaps < 0) | ~met) @ samples.weights
+    return known * (density @ samples.weights), state.unknown + known * ((gaps < 0) | ~hit) @ samples.weights
 
 
 def beyond_furniture(readings: Readings, of_it: BoolArray, rig: Rig) -> Readings:
-    """Return the readings with those of furniture replaced by free-space rays that end before it.
+    """Replace the readings that hit furniture by free-space rays that end before it.
 
     Args:
         readings: readings of the hand.
-        of_it: whether a reading is of furniture ``(n,)``.
+        of_it: flags of the readings that hit furniture ``(n,)``.
         rig: range sensors of the hand.
     """
     if not of_it.any():
@@ -126,14 +126,14 @@ _SCATTER = 6.0
 then covers a step or a slope, and the mean may lie on no surface."""
 
 _ALONE = 4
-"""Number of readings that are kept in that case."""
+"""Number of single readings that are kept in that case."""
 
 _ALONG, _FARTHEST = 24, 0.3
 """Number of points along a beam that are checked for possible parts, and the largest checked range [m]."""
 
 
 def rest(robot: Robot, count: int) -> list[HandReading]:
-    """Return readings of a hand that does not move.
+    """Read the sensors of a hand repeatedly while it does not move.
 
     Args:
         robot: robot that carries the hand.
@@ -143,11 +143,11 @@ def rest(robot: Robot, count: int) -> list[HandReading]:
 
 
 def as_readings(hand: Hand, log: Sequence[HandReading], name: str) -> Readings | None:
-    """Return one averaged reading per sensor from a hand at rest, or None if no sensor has a valid reading.
+    """Return one averaged reading of each sensor of a hand at rest, or None if no sensor has a valid reading.
 
-    If a sensor's readings scatter beyond its noise, its beam covers an edge, and a few single readings are kept.
-    Readings that are too near or have no echo are dropped. A beam that hits something only sometimes is dropped too:
-    its cone passes an edge, and as a free-space ray it would contradict valid poses.
+    If the readings of a sensor scatter beyond its noise, its beam covers an edge, and a few single readings are kept.
+    Readings below the smallest range or without a state are dropped. A beam with an echo only sometimes is dropped,
+    too: its cone passes an edge, and as a free-space ray it would contradict valid poses.
 
     Args:
         hand: sensors and body of the hand.
@@ -157,43 +157,46 @@ def as_readings(hand: Hand, log: Sequence[HandReading], name: str) -> Readings |
     model, rows = error_model(hand.rig), list[tuple[str, Transforms, float | None, float | None]]()
     T = log[-1].T_world_hand
     for i in range(len(hand.rig.sensors)):
-        met = np.array([s.ranges[i] for s in log if s.states[i] == HIT])
+        hits = np.array([s.ranges[i] for s in log if s.states[i] == HIT])
         free = sum(bool(s.states[i] == FREE) for s in log)
         sensor = hand.rig.sensors[i].name
-        if len(met) and not free:
-            sd = float(model.law.sigma(np.full(len(model), met.mean()))[i])
-            if np.ptp(met) <= _SCATTER * sd:
-                rows.append((sensor, T, float(met.mean()), sd / np.sqrt(len(met))))
+        if len(hits) and not free:
+            sd = float(model.law.sigma(np.full(len(model), hits.mean()))[i])
+            if np.ptp(hits) <= _SCATTER * sd:
+                rows.append((sensor, T, float(hits.mean()), sd / np.sqrt(len(hits))))
             else:
-                some = np.unique(np.linspace(0, len(met) - 1, _ALONE).round().astype(np.int64))
-                rows += [(sensor, T, float(r), None) for r in met[some]]
-        elif free and not len(met):
+                some = np.unique(np.linspace(0, len(hits) - 1, _ALONE).round().astype(np.int64))
+                rows += [(sensor, T, float(r), None) for r in hits[some]]
+        elif free and not len(hits):
             rows.append((sensor, T, None, None))
     return _readings(rows, name) if rows else None
 
 
 def of_parts(hand: Hand, readings: Readings, possible: PossiblePoses) -> Readings | None:
-    """Return readings of the frontal sensors, and of others whose beams pass a possible part; None if there are none.
+    """Return the readings of the frontal sensors, and of other sensors whose beams pass a possible part.
 
-    The other sensors were not aimed at anything. Elsewhere they hit other objects, and free-space rays carry no
-    information.
+    Only the frontal sensors were aimed. Beams of other sensors that pass no possible part may have hit other objects,
+    and their free-space rays have no information.
 
     Args:
         hand: sensors and body of the hand.
         readings: readings at rest.
-        possible: poses of parts that the belief allows.
+        possible: possible poses of the parts.
+
+    Returns:
+        Readings; None if there are none.
     """
     sensors = hand.rig.numbers(readings.sensors)
     reach = readings.ranges.only(~readings.is_free).filled(error_model(hand.rig).max_range[sensors])
     Ts = readings.Ts_world_hand[:]
     along = np.linspace(0.0, 1.0, _ALONG)[:, None] * np.minimum(reach, _FARTHEST)
     points = SE3.apply(Ts, hand.origins[sensors] + along[..., None] * hand.axes[sensors])
-    told = np.isin(sensors, hand.frontal) | (possible.distances(points).min(axis=0) < OFF)
-    return readings.take(np.flatnonzero(told)) if told.any() else None
+    relevant = np.isin(sensors, hand.frontal) | (possible.distances(points).min(axis=0) < OFF)
+    return readings.take(np.flatnonzero(relevant)) if relevant.any() else None
 
 
 def _readings(rows: list[tuple[str, Transforms, float | None, float | None]], name: str) -> Readings:
-    """Return the readings of sensor, hand pose, range and standard deviation; a row without a range is a free ray."""
+    """Return readings from rows of sensor, hand pose, range and standard deviation; no range means a free-space ray."""
     sensors, Ts, ranges, sds = zip(*rows, strict=True)
     free = np.array([one is None for one in ranges])
     return Readings.from_columns(
@@ -205,6 +208,6 @@ def _readings(rows: list[tuple[str, Transforms, float | None, float | None]], na
 
 
 def _rigid(Ts: Transforms) -> Transforms:
-    """Return poses as a readings file stores them, with orthonormal rotations."""
+    """Return poses with the orthonormal rotations that a readings file stores, as quaternions."""
     Ts[:, :3, :3] = SO3.from_quaternion(SO3.as_quaternion(Ts[:, :3, :3]))
     return Ts

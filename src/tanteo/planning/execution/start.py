@@ -1,4 +1,4 @@
-"""Start of a session with a hand: its frontal sensor as a probe, and the initial poses from an image."""
+"""Start of a session with a hand: its frontal sensor as a probe, and prior poses from an image."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from tanteo.sensors.presets import NoiseLaw, RobotPreset
 from tanteo.vision import Sight, Sighting
 
 _CONE = float(np.radians(70.0))
-"""Largest angle from straight down of a beam if the workspace has a lower bound [rad]."""
+"""Largest angle of a beam from straight down if the workspace has a lower bound [rad]."""
 
 REPEATS = 10
 """Number of readings at rest that are averaged."""
 
 LEAST_STANDOFF = 1.25
-"""Smallest stand-off in clearances; below it the steering would stop the hand before it arrives."""
+"""Smallest stand-off as a multiple of the clearance; below it the steering stops the hand before it arrives."""
 
 _RETREAT = 0.05
 """Length of the straight final approach to a reading [m]."""
 
 _FAR = 0.8
-"""Fraction of the sensor's range at which the hand may stop, if possible parts keep it from the stand-off."""
+"""Largest stand-off as a fraction of the sensor's range, if possible parts obstruct the intended stand-off."""
 
 _SECONDS = 0.5
 """Duration of one reading without travel [s]."""
@@ -42,13 +42,13 @@ _SECONDS = 0.5
 def hand_probe(
     hand: Hand, rules: Rules, standoff: float, robot: RobotPreset | None = None, *, repeats: int = REPEATS
 ) -> Probe:
-    """Return the probe model of a hand for the planner of a session.
+    """Return the sensor model for planning of a hand, in which its first frontal sensor represents both.
 
     Args:
-        hand: sensors and body of the hand; its first frontal sensor represents both.
-        rules: limits of its motions.
-        standoff: distance of the sensor from the surface that it reads [m].
-        robot: error model of the reported poses.
+        hand: sensors and body of the hand.
+        rules: limits of the hand's motions.
+        standoff: distance of the sensor from the surface at a reading [m].
+        robot: error model of the robot's reported poses; None for exact poses.
         repeats: number of readings at rest that are averaged.
 
     Raises:
@@ -57,7 +57,7 @@ def hand_probe(
     if not standoff >= LEAST_STANDOFF * rules.clearance:
         raise InputError(
             f"standoff: expected at least {LEAST_STANDOFF:g} times the clearance of {1e3 * rules.clearance:.3g} mm, "
-            f"got {1e3 * standoff:.3g} mm. Keep farther away, or lower the clearance."
+            f"got {1e3 * standoff:.3g} mm. Increase the stand-off, or reduce the clearance."
         )
     model, k = error_model(hand.rig), hand.frontal[0]
     const, prop, quad = (getattr(model.law, name)[k] / np.sqrt(repeats) for name in ("const", "prop", "quad"))
@@ -101,14 +101,16 @@ _FORGOTTEN = 1e-4
 
 
 def part_seen(sight: Sight, prior: Start | None = None) -> Sighting | None:
-    """Return the object nearest to the prior position of the part, or the largest one without a prior.
+    """Return the object in an image that is nearest to the prior position of the part.
+
+    Without a prior it is the largest object.
 
     Args:
         sight: evaluation of an image without known furniture (``see_table(..., ignore=)``).
-        prior: prior poses of the part.
+        prior: prior poses of the part; None without any.
 
     Returns:
-        The object, or None if there is none.
+        Object with its hypotheses; None if no object was recognized.
     """
     some = [seen for seen in sight.objects if seen.answer.hypotheses]
     if not some or prior is None:
@@ -126,15 +128,15 @@ def part_seen(sight: Sight, prior: Start | None = None) -> Sighting | None:
 def seen_start(
     seen: Sighting | None, targets: Sequence[PreparedPart] | Sequence[Part], prior: Start | None = None
 ) -> Start:
-    """Return the start of a session from an image.
+    """Return the start of a session with an object in an image as a factor of the posterior.
 
-    The session has the image as a factor of its one posterior. With the probability that the image is wrong (the rest
-    beside its answers, at least 2 %), the prior poses hold (decision 29), or without them an unknown object.
+    The image may be wrong: with the probability that its answers do not have, at least 2 %, the prior poses apply
+    instead (decision 29), or an unknown object if there are no prior poses.
 
     Args:
         seen: object in the image; None if nothing was recognized.
-        targets: all parts that it may be.
-        prior: prior poses of the same targets without the image.
+        targets: all parts that the object may be.
+        prior: prior poses of the same targets without the image; None without any.
 
     Raises:
         InputError: The image shows no known part, and there are no prior poses.
@@ -143,7 +145,7 @@ def seen_start(
     if not answers:
         if prior is None:
             raise InputError(
-                "image: expected a part on the table, got none that is known. Give a prior pose, or its CAD file."
+                "image: expected a known part on the table, got none. Give a prior pose, or the CAD file of the part."
             )
         return prior
     assert seen is not None
@@ -164,10 +166,10 @@ def seen_start(
 
 
 def _right_or_wrong(seen: Sighting, prior: Start, wrong: float) -> Alternatives:
-    """Return that the image shows the part that is sensed, or else that the prior pose holds.
+    """Return a factor with two alternatives: the image shows the sensed part, or the prior poses apply.
 
-    An image of something else has a density that makes this as probable as was said, given the image alone; the same
-    holds for an unknown object.
+    The density of the image under the second alternative is chosen so that its posterior probability given the image
+    alone is ``wrong``. The unknown object has the same density.
     """
     elsewhere = np.log(wrong) + seen.log_known
     unknown = sum(factor.log_unknown for factor in seen.factors)
@@ -182,14 +184,14 @@ def _right_or_wrong(seen: Sighting, prior: Start, wrong: float) -> Alternatives:
 def prior_poses(
     targets: Sequence[PreparedPart], part: IntArray, Ts: Transforms, covariances: Covariances, weights: FloatArray
 ) -> NormalPoses:
-    """Return prior poses as a factor, relative to equally probable parts.
+    """Return prior poses as a factor, whose weights are relative to equally probable parts.
 
     Args:
-        targets: the parts.
+        targets: parts.
         part: index of the part of each pose ``(A,)``.
         Ts: poses ``T_world_part`` ``(A, 4, 4)``.
-        covariances: of them ``(A, 6, 6)``, order x y z rx ry rz, part frame [m, rad].
-        weights: their probabilities, up to a factor ``(A,)``.
+        covariances: covariance of each prior pose, order x y z rx ry rz, part frame ``(A, 6, 6)`` [m, rad].
+        weights: probabilities of the prior poses, up to a common factor ``(A,)``.
     """
     shares, equal = weights / weights.sum(), np.log(len(targets))
     mixtures = {}

@@ -1,4 +1,4 @@
-"""Whole features that the hand can acquire in a session, and the initial guess of each."""
+"""Complete features that the hand can acquire in a session, and the initial guess of each."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from tanteo.planning.whole import WHOLE, WholeFeature
 from tanteo.sensors import Readings, concatenate, reading_kind
 
 STANDOFF = 5 / 3
-"""Stand-off of an acquisition, in clearances of the rules."""
+"""Stand-off of an acquisition, as a multiple of the clearance."""
 
 _MODES, _LEAST = 3, 0.05
-"""Number of most probable modes whose features are offered, and the smallest probability of such a mode."""
+"""Largest number of modes whose features are offered, and smallest probability of such a mode."""
 
 _SD, _TURN_SD = 0.003, float(np.radians(5.0))
-"""Smallest stated uncertainty of a feature [m, rad], so that a feature of a similar part is acquired too."""
+"""Smallest standard deviations of an initial guess [m, rad], so that a feature of a similar part is acquired, too."""
 
 _ABOVE = 0.02
 """Height above the stand-off at which an acquisition starts [m]."""
 
 
 def acquirable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingState], tuple[WholeFeature, ...]]:
-    """Return a function that lists the features the hand can acquire, for :attr:`tanteo.planning.Session.whole`.
+    """Return a function that lists the features that a hand can acquire, for :attr:`tanteo.planning.Session.whole`.
 
     Args:
         hand: sensors and body of the hand.
-        rules: limits of its motions.
+        rules: limits of the hand's motions.
         retreat: length of the straight final approach [m].
     """
 
@@ -63,12 +63,21 @@ def acquirable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingSta
 
 
 def standoff_of(rules: Rules) -> float:
-    """Return the stand-off of the hand's front during an acquisition [m]."""
+    """Return the stand-off of the hand's front during an acquisition [m].
+
+    Args:
+        rules: limits of the hand's motions.
+    """
     return STANDOFF * rules.clearance
 
 
 def guess_of(state: SensingState, action: Action) -> RoundGuess | None:
-    """Return the current guess of the feature that an action acquires; None if no probable mode has it any more."""
+    """Return the current guess of the feature that an action acquires; None if no probable mode has this feature.
+
+    Args:
+        state: posterior of the session.
+        action: action that acquires a feature.
+    """
     for k in np.flatnonzero(state.weights >= _LEAST):
         if state.target(int(k)).part.name == action.part:
             return next((_wide(p.guess) for p in _found(state, int(k), action.acquires) if p.name == action.face), None)
@@ -96,14 +105,15 @@ def _offer(state: SensingState, k: int, kind: str, found: Predicted, rules: Rule
 
 
 def _start(guess: RoundGuess, rules: Rules) -> FloatArray:
-    """Return the start of an acquisition, above the middle of the rim."""
+    """Return the start of an acquisition, above the centre of the rim, world frame ``(3,)`` [m]."""
     return np.asarray(guess.point + (standoff_of(rules) + _ABOVE) * guess.axis)
 
 
 def readings_of(got: Acquired) -> Readings:
-    """Return the readings of an acquisition for a session: points of faces and walls, and centre and radius of rims.
+    """Return the readings of an acquisition for a session: points on faces and walls, and centre and radius of rims.
 
-    Crossings of a rim are not included, because their beams run along the wall and hit no surface there.
+    Points at which a beam crosses a rim are excluded, because such a beam runs along the wall and hits no surface
+    there.
 
     Args:
         got: successful acquisition.
@@ -116,7 +126,7 @@ def readings_of(got: Acquired) -> Readings:
 
 
 def _centre(rim: Feature) -> Readings:
-    """Return the centre and axis of a rim as one reading, with the uncertainty across the axis and of its tilt."""
+    """Return the centre and axis of a rim as one reading, with standard deviations across the axis and of its tilt."""
     C, T = feature_covariance(rim), rim.T_world_feature
     across, tilt = (np.sqrt(np.linalg.eigvalsh(C[some, some])[-1:]) for some in (slice(0, 2), slice(3, 5)))
     return Readings.from_columns(

@@ -1,6 +1,7 @@
-"""Sequential sensing: ``ask()`` returns the next reading to make, ``tell(readings)`` adds its result.
+"""Sequential sensing with the ask-and-tell interface of sequential optimizers.
 
-A session is the only object of this package with a state. It opens no file and moves no hand::
+``ask()`` returns the next reading to make, and ``tell(readings)`` adds its result to the posterior. A session is the
+only object of this package with a state. It opens no file and moves no hand::
 
     session = Session(around(targets, T_world_place, covariance), probe_of(sensor_preset("keyence_il300")), sensing=...)
     while isinstance(action := session.ask(), Action):

@@ -14,30 +14,30 @@ from tanteo.sensors import Readings
 from tanteo.words import Finding
 
 _BEYOND = 3.0
-"""Multiple of the range beyond which a finite distance is taken for a value in another unit."""
+"""Multiple of the largest range beyond which a finite distance is probably a value in another unit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Action:
-    """The next reading to make.
+    """Next reading to make.
 
     Attributes:
         number: number of the action, from 1.
         origin: start of the beam or the motion, world frame ``(3,)`` [m].
-        direction: its unit direction, world frame ``(3,)``.
+        direction: unit direction of the beam or motion, world frame ``(3,)``.
         max_range: largest range [m].
-        expected: mean range from ``origin`` if the most probable hypothesis is true [m].
-        part: name of the part at which it is aimed.
-        face: name of the face of that part.
+        expected: range from ``origin`` that is expected if the most probable hypothesis is true [m].
+        part: name of the part at which the reading aims.
+        face: name of the aimed face of that part.
         gain: expected information [nats]; NaN if the policy does not compute it.
-        reason: why the policy chose it.
-        radius: radius of the ball that touches [m]; the range is that of its centre. It is 0 for a point or a beam.
-        acquires: kind of the feature that a hand has to acquire completely, ``circle`` or ``cylinder``. Its name is in
-            ``face`` then. Empty for one reading.
+        reason: reason of the choice, for the user.
+        radius: radius of the ball of a touch probe [m]; ranges are those of its centre. It is 0 for a point or a beam.
+        acquires: kind of the feature that a hand must acquire completely, ``circle`` or ``cylinder``; its name is in
+            ``face`` then. Empty for a single reading.
 
     Example:
         >>> import numpy as np
-        >>> place = tanteo.around([tanteo.read_part("parts/wedge.step")], np.eye(4), np.diag([1e-4] * 3 + [1e-2] * 3))
+        >>> place = tanteo.at_place([tanteo.read_part("parts/wedge.step")], np.eye(4), np.diag([1e-4] * 3 + [1e-2] * 3))
         >>> session = tanteo.Session(place, tanteo.probe_of("keyence_il300"))
         >>> action = session.ask()
         >>> action.origin.shape, action.direction.shape
@@ -62,7 +62,7 @@ class Action:
         shapes = np.shape(self.origin) == np.shape(self.direction) == (3,)
         if not (shapes and np.isfinite(self.origin).all() and abs(np.linalg.norm(self.direction) - 1) < 1e-6):
             raise InputError(
-                f"action {self.number}: expected a place and a unit direction, got {self.origin} and "
+                f"action {self.number}: expected an origin and a unit direction, got {self.origin} and "
                 f"{self.direction}. Correct it."
             )
 
@@ -72,17 +72,17 @@ class Action:
 
     @property
     def T_world_probe(self) -> Transforms:
-        """A pose of the probe ``(4, 4)`` with z along the beam; the rotation about z is arbitrary."""
+        """Pose of the probe ``(4, 4)``: origin at the start, z along the beam, arbitrary rotation about z."""
         return SE3.from_parts(SO3.frame_from_axis(self.direction, 2), self.origin)
 
     @property
     def name(self) -> str:
-        """Name of the reading that results from the action."""
+        """Name of the reading that the action makes, ``a1`` for the first."""
         return f"a{self.number}"
 
     @property
     def words(self) -> str:
-        """The action in one line of text."""
+        """Description of the action for the user, one line."""
         x, y, z = 1e3 * self.origin
         dx, dy, dz = self.direction
         if self.acquires:
@@ -96,19 +96,19 @@ class Action:
     def read(
         self, distance: float, sd: float | None = None, name: str | None = None, T_world_hand: Transforms | None = None
     ) -> Readings:
-        """Return the reading of a beam or a touch.
+        """Return the reading that results from a measured distance.
 
         Args:
             distance: measured distance from ``origin`` along ``direction`` to the centre of the stopped ball [m].
-                Infinity, or more than ``max_range``, means that nothing was met.
-            sd: standard deviation of the distance [m]; None for that of the session's sensor.
-            name: name of the reading; None for that of the action.
-            T_world_hand: pose of the hand ``(4, 4)`` at the reading, for errors in the frame of the hand such as
-                ``tip_sd``.
+                Infinity, or more than ``max_range``, means that nothing was hit.
+            sd: standard deviation of the distance [m]; None for the noise of the session's sensor.
+            name: name of the reading; None for the name of the action.
+            T_world_hand: pose of the hand ``(4, 4)`` at the reading; errors in the frame of the hand, such as
+                ``tip_sd``, need it.
 
         Raises:
-            InputError: the distance is not a length, or it is several times ``max_range``, as in another unit; or the
-                action acquires a complete feature.
+            InputError: the distance is not positive, it is several times ``max_range`` (another unit), or the action
+                acquires a complete feature.
         """
         if self.acquires:
             raise InputError(
@@ -119,8 +119,8 @@ class Action:
             raise InputError(f"distance: expected a positive length or infinity, got {distance}. Omit it.")
         if self.max_range * _BEYOND < distance < np.inf:
             raise InputError(
-                f"distance: expected metres, no more than {self.max_range:g}, or infinity where nothing was met, got "
-                f"{distance:g}. Did you mean {1e-3 * distance:g}, that many millimetres?"
+                f"distance: expected at most {self.max_range:g} m, or infinity if nothing was hit, got "
+                f"{distance:g} m. Did you mean {1e-3 * distance:g} m, with the number in millimetres?"
             )
         names, free = [name or self.name], not np.isfinite(distance)
         hands = None if T_world_hand is None else np.asarray(T_world_hand, dtype=np.float64)[None]

@@ -1,4 +1,4 @@
-"""Predict the shared errors of candidates and the attitude of the hand from the readings so far."""
+"""Prediction of the shared errors of candidates and of the hand's attitude, from the readings so far."""
 
 from __future__ import annotations
 
@@ -20,22 +20,24 @@ from tanteo.sensors import Column, PointMeasurements, Readings
 from tanteo.words.findings import SharedErrorLimits
 
 _TURNED, _STILL = 0.3, 0.1
-"""Least angle between approaches [rad], and largest fraction of it by which hands of constant attitude rotate."""
+"""Smallest angle between two approaches for a conclusion [rad], and largest rotation, as a fraction of it, of a hand
+whose attitude counts as constant."""
 
 _ALONG = 1e-9
 """Sine of the angle below which two directions count as equal or opposite."""
 
 
 def shared_of(sensing: Sensing, probe: Probe, readings: Readings | None, state: SensingState) -> SharedOf | None:
-    """Return a function for the shared errors of candidates, or None if the readings share none.
+    """Return a function that predicts the shared errors of candidates, or None if the readings share no error.
 
-    Each candidate is treated as a reading with the sensor and the hand of the reading with the nearest approach.
+    Each candidate is treated like a reading with the sensor and the hand of the earlier reading with the most similar
+    approach.
 
     Args:
-        sensing: noise model.
-        probe: sensor model.
-        readings: all readings so far.
-        state: posterior of them.
+        sensing: noise model of the readings.
+        probe: sensor model for planning.
+        readings: all readings so far; None before the first.
+        state: posterior given these readings.
     """
     if readings is None or not state.modes:
         return None
@@ -48,7 +50,7 @@ def shared_of(sensing: Sensing, probe: Probe, readings: Readings | None, state: 
         made = _as_readings(candidates, readings, measured, probe)
         try:
             as_made = measured_by(sensing, probe, made)
-        except ReadingsError:  # ranges that the probe has and the sensor has not
+        except ReadingsError:  # the probe allows a range that the sensor does not
             return None
         which = np.concatenate([columns.get(e.name, np.full(len(e.covariance), -1)) for e in as_made.shared])
         return SharedAhead.of(state, as_made.stacked()[0] @ shared_root(as_made.shared), which.astype(np.int64))
@@ -57,7 +59,14 @@ def shared_of(sensing: Sensing, probe: Probe, readings: Readings | None, state: 
 
 
 def limits(sensing: Sensing, probe: Probe, readings: Readings | None, state: SensingState) -> SharedErrorLimits | None:
-    """Return the shared error that limits the answer, or None."""
+    """Return the shared error that contributes most to the uncertainty of the answer; None if it does not dominate.
+
+    Args:
+        sensing: noise model of the readings.
+        probe: sensor model for planning.
+        readings: all readings so far; None before the first.
+        state: posterior given these readings.
+    """
     if readings is None or not state.modes:
         return None
     measured = measured_by(sensing, probe, readings)
@@ -65,7 +74,13 @@ def limits(sensing: Sensing, probe: Probe, readings: Readings | None, state: Sen
 
 
 def measured_by(sensing: Sensing, probe: Probe, readings: Readings) -> PointMeasurements:
-    """Return the measurements of a session, with the beam width of its probe."""
+    """Return readings as measurements in the world frame, with the beam width of the session's probe.
+
+    Args:
+        sensing: noise model of the readings.
+        probe: sensor model for planning.
+        readings: readings of the devices.
+    """
     return sensing.measured(readings, np.nan if probe.contact else probe.beam_half_angle)
 
 
@@ -76,16 +91,16 @@ def _columns(measured: PointMeasurements) -> dict[str, IntArray]:
 
 
 def _as_readings(c: Candidates, readings: Readings, measured: PointMeasurements, probe: Probe) -> Readings:
-    """Return the candidates as readings with the hand of the most similar reading that met something."""
-    ways = np.where(np.isnan(measured.directions), -measured.normals, measured.directions)
-    ways = np.where(np.isnan(ways), 0.0, ways)
-    near = np.argmax(c.directions @ ways.T, axis=1)
+    """Return the candidates as readings with the hand of the most similar earlier contact reading."""
+    directions = np.where(np.isnan(measured.directions), -measured.normals, measured.directions)
+    directions = np.where(np.isnan(directions), 0.0, directions)
+    near = np.argmax(c.directions @ directions.T, axis=1)
     rows = measured.rows[near]
     hands = readings.Ts_world_hand.take(rows)
     if hands.given.any():
-        known = readings.Ts_world_hand.given[measured.rows] & ways.any(axis=1)
-        still = _is_still(ways[known], readings.Ts_world_hand[measured.rows[known]][:, :3, :3])
-        hands = _brought(hands, measured.points[near], ways[near], c, still=still)
+        known = readings.Ts_world_hand.given[measured.rows] & directions.any(axis=1)
+        still = _is_still(directions[known], readings.Ts_world_hand[measured.rows[known]][:, :3, :3])
+        hands = _moved_hands(hands, measured.points[near], directions[near], c, still=still)
     return Readings.from_columns(
         c.aims, directions=c.directions, sds=readings.sds.take(rows), radii=np.full(len(c), probe.radius),
         ranges=Column.from_rows(c.ranges).only(readings.ranges.given[rows]), Ts_world_hand=hands,
@@ -93,26 +108,26 @@ def _as_readings(c: Candidates, readings: Readings, measured: PointMeasurements,
     )  # fmt: skip
 
 
-def _is_still(ways: Vectors, Rs: Rotations) -> bool:
+def _is_still(directions: Vectors, Rs: Rotations) -> bool:
     """Return whether the hand had the same attitude although the approaches differ."""
-    if len(ways) < 2:
+    if len(directions) < 2:
         return False
-    apart = np.arccos(np.clip(ways @ ways.T, -1, 1).min())
+    apart = np.arccos(np.clip(directions @ directions.T, -1, 1).min())
     turned = np.arccos(np.clip(0.5 * (np.einsum("aij,bij->ab", Rs, Rs) - 1), -1, 1).min())
     return bool(apart > _TURNED and turned < _STILL * apart)
 
 
-def _brought(hands: Column, points: Vectors, ways: Vectors, c: Candidates, *, still: bool) -> Column:
+def _moved_hands(hands: Column, points: Vectors, directions: Vectors, c: Candidates, *, still: bool) -> Column:
     """Return hand poses at the candidates' aims, rotated with the approach unless the attitude is constant."""
-    held, Ts = hands.given, hands.values
-    turn = (np.tile(np.eye(3), (len(c), 1, 1)) if still else _turns(ways, c.directions))[held]
-    arms = Ts[:, :3, 3] - points[held]
-    moved = SE3.from_parts(turn @ Ts[:, :3, :3], c.aims[held] + np.einsum("nij,nj->ni", turn, arms))
-    return Column(held, moved)
+    has_hand, Ts = hands.given, hands.values
+    turn = (np.tile(np.eye(3), (len(c), 1, 1)) if still else _turns(directions, c.directions))[has_hand]
+    arms = Ts[:, :3, 3] - points[has_hand]
+    moved = SE3.from_parts(turn @ Ts[:, :3, :3], c.aims[has_hand] + np.einsum("nij,nj->ni", turn, arms))
+    return Column(has_hand, moved)
 
 
 def _turns(source: Vectors, target: Vectors) -> Rotations:
-    """Return the smallest rotations that map unit vectors to others ``(n, 3, 3)``."""
+    """Return the smallest rotations that map each source direction to its target ``(n, 3, 3)``."""
     axis, cosine = np.cross(source, target), np.sum(source * target, axis=1)
     sine = np.linalg.norm(axis, axis=1)
     plain = SO3.exp(axis / np.maximum(sine, _ALONG)[:, None] * np.arctan2(sine, cosine)[:, None])
@@ -121,6 +136,6 @@ def _turns(source: Vectors, target: Vectors) -> Rotations:
     return np.where(opposite[:, None, None], frames, plain)
 
 
-def _unit(ways: Vectors) -> Vectors:
-    """Return the directions with missing ones, which are zero, replaced by z."""
-    return np.where(ways.any(axis=1, keepdims=True), ways, [0.0, 0.0, 1.0])
+def _unit(directions: Vectors) -> Vectors:
+    """Return the directions with zero vectors, which stand for missing ones, replaced by z."""
+    return np.where(directions.any(axis=1, keepdims=True), directions, [0.0, 0.0, 1.0])

@@ -1,4 +1,4 @@
-"""Convert the state of a session to an answer as of :func:`tanteo.identify`."""
+"""Conversion of a session's state to an answer like that of :func:`tanteo.identify`."""
 
 from __future__ import annotations
 
@@ -42,20 +42,21 @@ from tanteo.words.findings import (  # fmt: skip
 )
 
 _FEW, _BY_CHANCE = 2, 0.05
-"""Least number of misfits that may indicate a motion, and largest probability that chance groups them in time."""
+"""Smallest number of misfits that may indicate a motion, and largest probability of their grouping in time by
+chance."""
 
 
-def moved(ids: Sequence[str], aside: BoolArray) -> MovedMeanwhile | None:
-    """Return that something may have moved, or None if chance explains the times of the misfits.
+def moved(ids: Sequence[str], misfit: BoolArray) -> MovedMeanwhile | None:
+    """Return the finding that part or robot may have moved, or None if the misfits may be grouped in time by chance.
 
-    Under chance, the probability that all misfits are within the first or the last ``k`` readings is the fraction of
-    all subsets that lie there.
+    If misfits occur at random times, the probability that all are among the first or the last ``k`` readings is the
+    fraction of all subsets of the same size that are.
 
     Args:
         ids: names of the readings, in order of time.
-        aside: flags of the readings that do not fit.
+        misfit: flags of the readings that do not fit the most probable hypothesis ``(n,)``.
     """
-    rows, n = np.flatnonzero(aside), len(aside)
+    rows, n = np.flatnonzero(misfit), len(misfit)
     if len(rows) < _FEW:
         return None
     first, last = int(rows[0]), int(rows[-1])
@@ -71,9 +72,9 @@ _HALF = 0.5
 
 
 def answered(state: SensingState, stop: Stop, seed: int, top: int, significance: float) -> Answer:
-    """Return the answer; poses that differ by less than the tolerance of the goal count as one.
+    """Return the answer of a session, in which poses that differ by less than the goal's tolerance are equivalent.
 
-    The goal may demand less confidence than :func:`tanteo.identify`. The findings then contain the probability and the
+    The goal may require less confidence than :func:`tanteo.identify`. The findings then have the probability and the
     alternatives.
 
     Args:
@@ -82,6 +83,9 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
         seed: seed of the session.
         top: largest number of hypotheses to report.
         significance: significance level of the tests.
+
+    Raises:
+        InputError: ``top`` is less than 1.
     """
     if top < 1:
         raise InputError(f"top: expected 1 or more, got {top}. Use 5.")
@@ -119,10 +123,10 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
 
 
 def contradiction(state: SensingState, stop: Stop, significance: float, *, reached: bool) -> tuple[Finding, ...]:
-    """Return the findings of an answer that is not accepted; none if nothing contradicts it.
+    """Return the findings of an answer that the tests reject; none if they accept it.
 
-    Before the goal is reached, only a known part that contradicts its prior pose counts, because more readings do not
-    correct the prior. Once it is reached, the joint test counts, too.
+    Before the goal is reached, only the contradiction between a certain part and its prior pose counts, because more
+    readings do not correct the prior. When the goal is reached, the joint test counts, too.
 
     Args:
         state: state of the session.
@@ -136,9 +140,12 @@ def contradiction(state: SensingState, stop: Stop, significance: float, *, reach
 
 
 def p_of_start(state: SensingState) -> float:
-    """Return the p-value of the prior pose given the readings; of several prior poses, that of the nearest.
+    """Return the p-value of the prior pose given the readings.
 
-    It is 1 if no pose is probable, or if only factors suggest the pose.
+    Of several prior poses the nearest counts. The value is 1 if no pose is probable, or if the pose comes from factors.
+
+    Args:
+        state: posterior of the session.
     """
     start = state.start
     if not state.modes or state.modes[0].probability < _HALF:
@@ -153,28 +160,32 @@ def p_of_start(state: SensingState) -> float:
 
 
 def _worst(points: ContactPoints, best: GoodnessOfFit, prior_p: float) -> WorstReading | None:
-    """Return the reading that contradicts the best hypothesis most, or None if the prior pose contradicts it more."""
+    """Return the reading that contradicts the best hypothesis most; None if the prior pose contradicts it more."""
     contradicted = best.misfit().with_more(0.0, len(best.free)).p_value < prior_p
     return worst_reading(points, best) if contradicted else None
 
 
 def moved_meanwhile(state: SensingState) -> MovedMeanwhile | None:
-    """Return that the misfits of the most probable hypothesis are grouped in time, or None."""
+    """Return the finding that the misfits of the most probable hypothesis are grouped in time, or None.
+
+    Args:
+        state: posterior of the session.
+    """
     if state.touches is None or not state.modes:
         return None
     return moved(state.touches.ids, ~state.on_part())
 
 
 def _least(stop: Stop, part: float) -> float:
-    """Return the least probability of a pose that counts as the answer, given the probability of its part."""
-    asked = CONFIDENCE if stop.probability is None else stop.probability
-    return part * min(CONFIDENCE, max(asked, _HALF))
+    """Return the smallest probability of a pose that counts as the answer, given the probability of its part."""
+    required = CONFIDENCE if stop.probability is None else stop.probability
+    return part * min(CONFIDENCE, max(required, _HALF))
 
 
 def _in_some_pose(
     best: Hypothesis, state: SensingState, stop: Stop, shares: list[tuple[str, float]]
 ) -> PoseWithin | SeveralPoses:
-    """Return the part with several poses, and whether these differ by less than the tolerance."""
+    """Return the finding that a part has several possible poses, and whether they differ by less than the tolerance."""
     sure, others = doubt(best, state.unknown, shares, any_pose=True)
     if stop.tolerance is None:
         return SeveralPoses(best.part, sure, others)
@@ -183,7 +194,13 @@ def _in_some_pose(
 
 
 def step_of(state: SensingState, stop: Stop, observation: Observation) -> Step:
-    """Return the posterior after an observation as a step."""
+    """Return the summary of the posterior after an observation.
+
+    Args:
+        state: posterior after the observation.
+        stop: goal of the session.
+        observation: readings that were added last.
+    """
     if not len(state.weights):
         nowhere = np.full((4, 4), np.nan), -1, np.full((6, 6), np.nan), 0.0
         T, part, C, inside = nowhere

@@ -1,4 +1,4 @@
-"""State of a session: actions, observations and the posterior that results."""
+"""Session: actions, observations and the posterior that results from them."""
 
 from __future__ import annotations
 
@@ -36,26 +36,26 @@ _CANDIDATES = 500
 
 @dataclass(slots=True, eq=False)
 class Session:
-    """Posterior, readings and actions of one part that is sensed step by step.
+    """Sequential sensing of one object: posterior, readings and actions.
 
-    :meth:`ask` and :meth:`tell` are the interface of sequential optimizers.
+    :meth:`ask` and :meth:`tell` are the ask-and-tell interface of sequential optimizers.
 
     Attributes:
-        start: prior poses of the parts.
+        start: prior poses of the possible parts.
         probe: sensor model with the limits of its approach.
         sensing: noise model of the readings.
         policy: policy that chooses the next reading.
         stop: goal of the session.
         seed: seed of all random numbers; the same seed and readings give the same actions and answers.
-        able: function that returns flags ``(C,)`` of feasible candidates, for limits beyond those of the probe, such as
-            the body of a hand; None for none.
+        able: function that returns flags of the feasible candidates ``(C,)``, for limits that the probe does not model,
+            such as the body of a hand; None for no further limits.
         whole: function that returns features which a hand can acquire completely; None without a hand.
         significance: significance level of the tests of an answer.
 
     Example:
         >>> import numpy as np
         >>> part = tanteo.read_part("parts/bracket_left.step")
-        >>> place = tanteo.around([part], np.eye(4), np.diag([1e-4] * 3 + [1e-2] * 3))
+        >>> place = tanteo.at_place([part], np.eye(4), np.diag([1e-4] * 3 + [1e-2] * 3))
         >>> session = tanteo.Session(place, tanteo.probe_of("keyence_il300"))
         >>> action = session.ask()
         >>> isinstance(action, tanteo.Action)
@@ -75,12 +75,12 @@ class Session:
     _readings: list[Readings] = field(init=False, default_factory=list)
     _joined: Readings | None = field(init=False, default=None)
     _steps: list[Step] = field(init=False, default_factory=list)
-    _asked: Action | None = field(init=False, default=None)
-    _questions: int = field(init=False, default=0)
+    _pending: Action | None = field(init=False, default=None)
+    _last_number: int = field(init=False, default=0)
     _refused: list[Action] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
-        check_kind("start", self.start, Start, "tanteo.planning.around(parts, T, covariance) makes one.")
+        check_kind("start", self.start, Start, "tanteo.planning.at_place(parts, T, covariance) makes one.")
         check_kind("probe", self.probe, Probe, "tanteo.planning.probe_of(name) makes one.")
         check_kind("sensing", self.sensing, Sensing, "Use Sensing(sensor=name), or Sensing(sd=0.3e-3).")
         check_count("seed", self.seed, 0)
@@ -101,15 +101,10 @@ class Session:
 
     @property
     def prior(self) -> PosePrior:
-        """Prior pose behind the best hypothesis; before the first reading, the most probable prior pose."""
+        """Prior pose with the largest density at the best hypothesis; before the first reading, the most probable."""
         row = int(self._state.rows[0]) if self._state.modes else -1
         row = row if row >= 0 else int(np.argmax(self.start.weights))
         return PosePrior(self.start.Ts[row], self.start.covariances[row])
-
-    @property
-    def tells(self) -> tuple[Readings, ...]:
-        """All readings so far, grouped by observation."""
-        return tuple(self._readings)
 
     @property
     def steps(self) -> tuple[Step, ...]:
@@ -117,13 +112,13 @@ class Session:
         return tuple(self._steps)
 
     @property
-    def asked(self) -> Action | None:
-        """The pending action; None if there is none."""
-        return self._asked
+    def pending(self) -> Action | None:
+        """Action whose readings are awaited; None if there is none."""
+        return self._pending
 
     @property
     def refused(self) -> tuple[Action, ...]:
-        """Actions that could not be carried out; similar ones are not chosen again."""
+        """Actions that could not be carried out or had no result; similar ones are not chosen again."""
         return tuple(self._refused)
 
     @property
@@ -139,35 +134,35 @@ class Session:
 
     @property
     def questions(self) -> int:
-        """Largest number of an action so far; it seeds the candidates of the next one."""
-        return self._questions
+        """Largest number of an action so far, which seeds the candidates of the next one."""
+        return self._last_number
 
     def ask(self) -> Action | Done:
         """Return the next reading to make, or the end of the session.
 
-        A pending action stays until its readings arrive, or until it is refused or replaced. Other readings may reach
-        the goal in the meantime; otherwise they do not change the action. ``put(None)`` discards it, so that the next
-        call chooses by the current posterior.
+        A pending action is returned again until its readings arrive, or until it is refused or replaced. Other readings
+        do not change it, unless they reach the goal. ``put(None)`` discards the pending action, so that the next call
+        chooses by the current posterior.
         """
         if end := enough(self.stop, self._state, self.count, self.significance):
             return self._explained(end.adding(self._stuck()))
-        if self._asked is not None:
-            return self._asked
+        if self._pending is not None:
+            return self._pending
         if not len(self._state.weights):
             return Done(False, (NoPartLeft(),))
-        candidates = self._open(propose(self._state, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
+        candidates = self._open(propose(self._state, self.probe, _CANDIDATES, self.seed * 1000 + self._last_number))
         context = self._context(candidates)
         chosen = self._chosen(context) if len(candidates) else Done(False, (NoPlaceReached(),))
         better = worth_acquiring(self.stop, context, self._offers(chosen), chosen)
         if better is None and isinstance(chosen, Done):
             return self._explained(chosen) if len(candidates) else chosen
-        self._questions += 1
+        self._last_number += 1
         if better is not None:
-            self._asked = whole_action(self._state, *better, self._questions)
+            self._pending = whole_action(self._state, *better, self._last_number)
         elif not isinstance(chosen, Done):
-            self._asked = action_of(*chosen, self._questions)
-        assert self._asked is not None
-        return self._asked
+            self._pending = action_of(*chosen, self._last_number)
+        assert self._pending is not None
+        return self._pending
 
     def _chosen(self, context: DecisionContext) -> tuple[DecisionContext, Choice] | Done:
         """Return the chosen reading with its context, or the end of the session."""
@@ -175,26 +170,26 @@ class Session:
         return worth_making(self.stop, context, self.policy.choose(context), repeats)
 
     def _offers(self, chosen: tuple[DecisionContext, Choice] | Done) -> Offers:
-        """Return features that can be acquired completely, each only once; none if the policy would not choose one."""
+        """Return the complete features that were not tried yet; none if the policy does not consider durations."""
         if self.whole is None or not (isinstance(chosen, Done) or chosen[1].seconds is not None):
             return ()
         before = [*self._refused, *(step.action for step in self._steps if step.action is not None)]
-        asked = {(a.acquires, a.part, a.face) for a in before}
+        tried = {(a.acquires, a.part, a.face) for a in before}
         part = [target.part.name for target in self.start.targets]
         offers = self.whole(self._state)
-        return [one for one in offers if (one.kind, part[self._state.part[one.mode]], one.name) not in asked]
+        return [one for one in offers if (one.kind, part[self._state.part[one.mode]], one.name) not in tried]
 
     def _context(self, candidates: Candidates) -> DecisionContext:
-        """Return the input of the policy."""
+        """Return the input of the policy for some candidates."""
         stop, state = self.stop, self._state
         part_only = stop.tolerance is None and stop.probability is not None
-        known = stop.knows_part(state)
+        known = stop.is_part_known(state)
         values = state, candidates, self.probe, self._place(), stop.tolerance, self.count, self.seed
         shared = shared_of(self.sensing, self.probe, self._joined, state)
         return DecisionContext(*values, part_only=part_only, part_open=not known, feature=stop.feature, shared=shared)
 
     def _explained(self, end: Done) -> Done:
-        """Return the end with the shared error that prevents the goal, if one does."""
+        """Return the end of the session with the shared error that prevents the tolerance, if one does."""
         if end.reached or self.stop.tolerance is None:
             return end
         return end.adding(limits(self.sensing, self.probe, self._joined, self._state))
@@ -208,62 +203,65 @@ class Session:
             action: the refused action.
         """
         self._refused.append(action)
-        self._questions = max(self._questions, action.number)
-        if is_same(action, self._asked):
-            self._asked = None
+        self._last_number = max(self._last_number, action.number)
+        if is_same(action, self._pending):
+            self._pending = None
 
     def put(self, action: Action | None) -> None:
-        """Replace the pending action by one from outside; the next :meth:`ask` returns it.
+        """Replace the pending action by one that the user chose; the next :meth:`ask` returns it.
 
         Args:
-            action: the action; None only discards the pending one.
+            action: new pending action; None to discard the pending one.
         """
-        self._asked = action
+        self._pending = action
         if action is not None:
-            self._questions = max(self._questions, action.number)
+            self._last_number = max(self._last_number, action.number)
 
     def tell(self, readings: Readings, action: Action | None = None) -> Step:
-        """Add readings to the posterior, requested or not, at any time.
+        """Add readings to the posterior, whether an action requested them or not.
 
-        A known name with the same values is not counted again; with other values the reading gets a new name. The
-        pending action is completed by readings with its name or near its beam, or by the argument ``action``. It stays
-        pending after other readings, and if nothing is new.
+        A reading with a known name and the same values does not count again. With other values it gets a new name.
+        Readings with the name of the pending action or near its beam complete this action. It stays pending after other
+        readings, and if no reading is new.
 
         Args:
             readings: the new readings.
-            action: action that requested them, if names and beams do not show it; it may be an earlier one.
+            action: action that requested the readings, if names and beams do not identify it; it may be an earlier one.
+
+        Returns:
+            Summary of the posterior after the readings.
 
         Raises:
-            InputError: the readings cannot be converted into measurements; the session stays unchanged then.
+            InputError: the readings cannot be converted into measurements; the session is unchanged then.
         """
         check_readings_kind("readings", readings)
         fresh, remarks = new_readings(self._readings, readings)
-        asked = self._asked
-        if action is None and fresh is not None and asked is not None and answers(fresh, asked):
-            action = asked
+        pending = self._pending
+        if action is None and fresh is not None and pending is not None and answers(fresh, pending):
+            action = pending
         return self._take(Observation(action, fresh, remarks))
 
     def resume(
         self,
         observations: Iterable[Observation],
-        asked: Action | None = None,
+        pending: Action | None = None,
         refused: Iterable[Action] = (),
         questions: int = 0,
     ) -> None:
-        """Restore the state of another session with the same start: same posterior, same next action.
+        """Restore the state of another session with the same start, so that posterior and next action are the same.
 
         Args:
             observations: observations of that session, see :attr:`observations`.
-            asked: its pending action; None if there was none.
-            refused: its refused actions, see :attr:`refused`.
-            questions: largest number of its actions, see :attr:`questions`.
+            pending: pending action of that session; None if there was none.
+            refused: refused actions of that session, see :attr:`refused`.
+            questions: largest number of an action of that session, see :attr:`questions`.
         """
         for action in refused:
             self.refuse(action)
         for one in observations:
             self._take(one)
-        self.put(asked)
-        self._questions = max(self._questions, questions)
+        self.put(pending)
+        self._last_number = max(self._last_number, questions)
 
     def _take(self, observation: Observation) -> Step:
         state, joined, fresh, action = self._state, self._joined, observation.readings, observation.action
@@ -276,13 +274,13 @@ class Session:
         self._readings += [] if fresh is None else [fresh]
         self._steps.append(step)
         if action is not None:
-            self._questions = max(self._questions, action.number)
-        if fresh is not None and is_same(action, self._asked):
-            self._asked = None
+            self._last_number = max(self._last_number, action.number)
+        if fresh is not None and is_same(action, self._pending):
+            self._pending = None
         return step
 
     def answer(self, top: int = TOP, significance: float | None = None) -> Answer:
-        """Return the current answer, as of :func:`tanteo.identify`.
+        """Return the current answer, like that of :func:`tanteo.identify`.
 
         Args:
             top: largest number of hypotheses to report.
@@ -294,7 +292,7 @@ class Session:
         return answer if stuck is None else answer.adding(stuck)
 
     def _stuck(self) -> Stuck | None:
-        """Return a sensor that reported a constant range, or None."""
+        """Return the finding that a sensor reports a constant range, or None."""
         return find_stuck(self.readings) if self.readings is not None else None
 
     def _open(self, candidates: Candidates) -> Candidates:
@@ -305,5 +303,5 @@ class Session:
         return candidates.take(self.able(self._state, candidates))
 
     def _place(self) -> Vectors | None:
-        asked = [s.action for s in self._steps if s.action is not None]
-        return asked[-1].origin if asked else None
+        made = [s.action for s in self._steps if s.action is not None]
+        return made[-1].origin if made else None

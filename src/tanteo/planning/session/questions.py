@@ -1,4 +1,4 @@
-"""Actions of a session: make them from choices, compare them, and match readings to them.
+"""Creation and comparison of a session's actions, and matching of readings to actions.
 
 Readings may arrive late, twice, or unrequested.
 """
@@ -22,15 +22,21 @@ from tanteo.sensors import Column, Readings
 from tanteo.words import Finding
 from tanteo.words.findings import MostInformation, RepeatedNames
 
-_OF_A_QUESTION = re.compile(r"a\d+")
-"""Pattern of names of readings that result from actions."""
+_ACTION_NAME = re.compile(r"a\d+")
+"""Pattern of the names of readings that result from actions."""
 
-_LIKE = 0.15
+_SIMILAR = 0.15
 """Largest angle [rad], and largest distance as a fraction of the stand-off, between similar readings."""
 
 
 def action_of(context: DecisionContext, choice: Choice, number: int) -> Action:
-    """Return the action of a number that makes the chosen reading."""
+    """Return the action that makes the chosen reading.
+
+    Args:
+        context: input of the policy.
+        choice: choice of the policy.
+        number: number of the action.
+    """
     k, c = choice.index, context.candidates
     part, expected = context.state.target(int(c.mode[k])).part, float(c.ranges[k] - _short(context, k))
     return Action(
@@ -40,7 +46,14 @@ def action_of(context: DecisionContext, choice: Choice, number: int) -> Action:
 
 
 def whole_action(state: SensingState, one: WholeFeature, gain: float, number: int) -> Action:
-    """Return the action of a number that acquires a complete feature."""
+    """Return the action that acquires a complete feature.
+
+    Args:
+        state: posterior of the session.
+        one: feature to acquire.
+        gain: expected information [nats].
+        number: number of the action.
+    """
     down = -one.T_world_feature[:3, 2]
     expected = float((one.T_world_feature[:3, 3] - one.origin) @ down)
     return Action(
@@ -56,21 +69,26 @@ def _short(context: DecisionContext, k: int) -> float:
     c, mode = context.candidates, int(context.candidates.mode[k])
     target, to_part = context.state.target(mode), SE3.inverse(context.state.poses[mode])
     d = to_part[:3, :3] @ c.directions[k]
-    met = target.surface.cast(SE3.apply(to_part, c.origins[k])[None], d[None])
-    return float(context.probe.short(np.abs(target.surface.normals[met.triangles] @ d))[0])
+    hit = target.surface.cast(SE3.apply(to_part, c.origins[k])[None], d[None])
+    return float(context.probe.short(np.abs(target.surface.normals[hit.triangles] @ d))[0])
 
 
 def unlike(candidates: Candidates, refused: Sequence[Action]) -> Candidates:
-    """Return the candidates that are not similar to a refused action."""
+    """Return the candidates that are not similar to any refused action.
+
+    Args:
+        candidates: candidate readings.
+        refused: refused actions.
+    """
     for action in (a for a in refused if not a.acquires):
         away = np.linalg.norm(candidates.origins - action.origin, axis=1)
         turned = np.linalg.norm(candidates.directions - action.direction, axis=1)
-        candidates = candidates.take((away > _LIKE * action.expected) | (turned > _LIKE))
+        candidates = candidates.take((away > _SIMILAR * action.expected) | (turned > _SIMILAR))
     return candidates
 
 
 def is_same(one: Action | None, other: Action | None) -> bool:
-    """Return whether two actions are the same, also if one was restored from a record."""
+    """Return whether two actions are the same, which one restored from a record can be."""
     if one is None or other is None:
         return False
     places = (one.origin, one.direction), (other.origin, other.direction)
@@ -78,38 +96,50 @@ def is_same(one: Action | None, other: Action | None) -> bool:
 
 
 def answers(readings: Readings, action: Action) -> bool:
-    """Return whether some readings result from an action, by their name or their beam.
+    """Return whether one of the readings results from an action, by its name or its beam.
 
-    A robot reaches its target only approximately, and a touch may lack its direction. A reading therefore matches if it
+    A robot reaches its target only approximately, and a touch may have no direction. A reading therefore matches if it
     is similar to the action. A reading with the name of another action does not match.
+
+    Args:
+        readings: readings to match.
+        action: action of the session.
     """
     if action.name in readings.ids:
         return True
-    far = action.expected if 0 < action.expected < np.inf else action.max_range  # the expected range may be missing
-    near, away = _LIKE * far, readings.points.filled(action.origin) - action.origin
+    far = action.expected if 0 < action.expected < np.inf else action.max_range  # the expected range may be infinite
+    near, away = _SIMILAR * far, readings.points.filled(action.origin) - action.origin
     along = away @ action.direction
     beside = np.linalg.norm(away - along[:, None] * action.direction, axis=1)
     turned = np.linalg.norm(readings.directions.filled(action.direction) - action.direction, axis=1)
     there = readings.points.given & np.where(
         readings.is_free, np.linalg.norm(away, axis=1) <= near, (beside <= near) & (along > 0)
     )
-    others = np.array([_OF_A_QUESTION.fullmatch(name) is not None for name in readings.ids], dtype=bool)
-    return bool(np.any(there & (turned <= _LIKE) & ~others))  # a reading without direction counts as along the beam
+    others = np.array([_ACTION_NAME.fullmatch(name) is not None for name in readings.ids], dtype=bool)
+    return bool(np.any(there & (turned <= _SIMILAR) & ~others))  # a reading without direction counts as along the beam
 
 
 def new_readings(before: Sequence[Readings], readings: Readings) -> tuple[Readings | None, tuple[Finding, ...]]:
-    """Return the new readings with unique names, or None without any, and a remark on repeated names."""
+    """Return the readings that are new, with unique names, and a remark on repeated names.
+
+    Args:
+        before: earlier readings.
+        readings: readings that arrived.
+
+    Returns:
+        New readings, or None without any, and findings for the user.
+    """
     known = {name: (r, k) for r in before for k, name in enumerate(r.ids)}
     taken = {*known, *readings.ids}
     keep, names = list[int](), list[str]()
     again, corrected, renamed = list[str](), list[str](), list[str]()
     for k, name in enumerate(readings.ids):
-        new, bearers = name, _bearers(known, name)
-        if told_before := [one for one in bearers if _equal(_WHERE, readings, k, *one)]:
-            same = any(_equal(_HOW_WELL, readings, k, *one) for one in told_before)
+        new, earlier = name, _earlier_with_name(known, name)
+        if same_place := [one for one in earlier if _equal(_WHERE, readings, k, *one)]:
+            same = any(_equal(_HOW_WELL, readings, k, *one) for one in same_place)
             (again if same else corrected).append(name)
             continue
-        if bearers:
+        if earlier:
             new = next(f"{name} ({n})" for n in range(2, 10**6) if f"{name} ({n})" not in taken)
             taken.add(new)
             renamed.append(new)
@@ -127,8 +157,8 @@ _WHERE = "points", "directions", "ranges", "Ts_world_hand", "max_ranges", "is_fr
 _HOW_WELL = "sds", "across_sds", "radii", "normals", "normal_sds"
 
 
-def _bearers(known: dict[str, tuple[Readings, int]], name: str) -> list[tuple[Readings, int]]:
-    """Return the earlier readings that arrived with this name: the first one, and the renamed ones."""
+def _earlier_with_name(known: dict[str, tuple[Readings, int]], name: str) -> list[tuple[Readings, int]]:
+    """Return the earlier readings that arrived with a name, renamed ones included, each as readings and row."""
     out = [known[name]] if name in known else []
     n = 2
     while (again := f"{name} ({n})") in known:

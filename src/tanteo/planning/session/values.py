@@ -19,18 +19,18 @@ from tanteo.words import Finding, message_of
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensing:
-    """Noise model that converts readings into measurements, see :func:`tanteo.sensors.measure`.
+    """Noise model by which a session converts readings into measurements, see :func:`tanteo.sensors.measure`.
 
     Attributes:
-        sensor: sensor preset, or its name, for readings without a standard deviation.
-        robot: preset of the robot's errors, or its name.
-        sd: standard deviation along the beam or normal of such readings [m]. Across a beam, a session uses the width of
-            the probe's beam; across a touch, the same value.
-        tip_sd: standard deviations of the tip's offset in the hand's frame ``(3,)`` [m].
+        sensor: sensor preset, or its name, for readings that state no standard deviation.
+        robot: preset of the robot's errors, or its name; None for exact poses.
+        sd: standard deviation along the beam or normal of readings that state none [m]. The standard deviation across a
+            beam follows from its width; across a touch it has the same value.
+        tip_sd: standard deviations of the error of the tip's offset, in the hand's frame ``(3,)`` [m].
         rig: mounting of the range sensors on the hand.
-        tolerance: standard deviation of the real surface of the part from its CAD [m].
-        bias_sd: standard deviation of an error along the approach that all readings share [m], such as an error of the
-            ball's radius or of the trigger point.
+        tolerance: standard deviation of the real surface from the CAD surface [m].
+        bias_sd: standard deviation of an error along the approach that all readings share, such as that of the ball's
+            radius or of the trigger point [m].
 
     Example:
         >>> tanteo.Sensing(sd=3e-4).sd  # the readings' own noise, 0.3 mm
@@ -53,11 +53,11 @@ class Sensing:
             check_length("bias_sd", self.bias_sd, LEAST_SD)
 
     def measured(self, readings: Readings, beam_half_angle: float = np.nan) -> PointMeasurements:
-        """Return points in the world frame with their covariance, and free-space rays.
+        """Convert readings into points in the world frame with covariances, and free-space rays.
 
         Args:
             readings: readings of the devices.
-            beam_half_angle: half angle of beams whose sensor states none [rad]; NaN for touches.
+            beam_half_angle: half angle of beams whose sensor preset states none [rad]; NaN for touches.
         """
         return measure(
             readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd,
@@ -65,14 +65,14 @@ class Sensing:
         )  # fmt: skip
 
     def touches(self, readings: Readings, probe: Probe | None = None) -> tuple[ContactPoints, FreeRays]:
-        """Return the contact points and the free-space rays of readings.
+        """Convert readings into the contact points and free-space rays of the posterior.
 
-        A beam is as wide as the cone of the probe. A free-space ray does not exclude surfaces that are more oblique
-        than the largest incidence of the probe.
+        Beams have the width of the probe's cone. Free-space rays do not exclude surfaces at a larger incidence than the
+        probe detects.
 
         Args:
             readings: readings of the devices.
-            probe: sensor model, for readings that do not state their sensor; None for touches.
+            probe: sensor model for planning, for readings without a sensor; None for touches.
         """
         beam = None if probe is None or probe.contact else probe
         measured = self.measured(readings, np.nan if beam is None else beam.beam_half_angle)
@@ -100,28 +100,32 @@ class Done:
 
     @property
     def message(self) -> str:
-        """The findings in words."""
+        """Text of the findings."""
         return message_of(self.findings)
 
     def adding(self, *findings: Finding | None) -> Done:
-        """Return the end with further findings; None is skipped."""
+        """Return the same end with further findings.
+
+        Args:
+            findings: findings to append; None is skipped.
+        """
         return replace(self, findings=(*self.findings, *(one for one in findings if one is not None)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """Posterior after some readings.
+    """Summary of the posterior after one observation.
 
     Attributes:
-        ids: names of the readings.
-        action: action that requested them; None if none did.
-        probabilities: posterior of every part ``(P,)``.
-        unknown: posterior of the unknown object.
+        ids: names of the new readings.
+        action: action that requested the readings; None if no action did.
+        probabilities: posterior probability of every part ``(P,)``.
+        unknown: posterior probability of the unknown object.
         T_world_part: most probable pose ``(4, 4)``.
-        part: index of its part; -1 if no part explains the readings.
-        covariance: covariance of that pose ``(6, 6)``.
+        part: index of the most probable pose's part; -1 if no part explains the readings.
+        covariance: covariance of that pose, part frame, right perturbation ``(6, 6)`` [m, rad].
         corner_sd: largest standard deviation of a corner of that part's box, over all its possible poses [m].
-        within: probability that all corners, or the feature, are within the tolerance; NaN without one.
+        within: probability that all corners, or the feature, are within the goal's tolerance; NaN without a tolerance.
         findings: remarks on the readings for the user.
     """
 
@@ -138,7 +142,7 @@ class Step:
 
     @property
     def note(self) -> str:
-        """The remarks in words; empty without any."""
+        """Text of the remarks; empty without any."""
         return message_of(self.findings)
 
 
@@ -147,8 +151,8 @@ class Observation:
     """Readings that a session received together, as a record stores them.
 
     Attributes:
-        action: action that requested them; None if none did.
-        readings: the new readings; None if the session had all of them already.
+        action: action that requested the readings; None if no action did.
+        readings: new readings; None if the session had all of them already.
         findings: remarks on the readings for the user.
     """
 

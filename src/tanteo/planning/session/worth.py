@@ -1,4 +1,4 @@
-"""Decide whether the goal is reached, whether a reading is worth its cost, and which misfits to repeat."""
+"""Decisions of a session: whether it ends, whether a reading is worth its cost, and which misfits to repeat."""
 
 from __future__ import annotations
 
@@ -22,19 +22,30 @@ from tanteo.words.findings import LargestFaceLeast, NotWorthCost, ReadingLimit, 
 
 
 def once_more(state: SensingState, steps: Sequence[Step]) -> Candidates:
-    """Return actions whose readings do not fit the most probable hypothesis, as candidates to repeat once."""
+    """Return candidates that repeat actions whose readings do not fit the most probable hypothesis.
+
+    Each action is repeated at most once.
+
+    Args:
+        state: posterior of the session.
+        steps: steps of the session.
+    """
     if state.touches is None or not state.modes:
         return _candidates(state, [])
-    asked = [s.action for s in steps if s.action is not None and not s.action.acquires]
-    aside = {i for i, on in zip(state.touches.ids, state.on_part(), strict=True) if not on}
-    doubted = [s.action for s in steps if s.action in asked and aside.intersection(s.ids)]
-    return _candidates(state, [a for a in doubted if a is not None and sum(_is_like(a, b) for b in asked) == 1])
+    tried = [s.action for s in steps if s.action is not None and not s.action.acquires]
+    misfits = {i for i, on in zip(state.touches.ids, state.on_part(), strict=True) if not on}
+    doubted = [s.action for s in steps if s.action in tried and misfits.intersection(s.ids)]
+    return _candidates(state, [a for a in doubted if a is not None and sum(_is_like(a, b) for b in tried) == 1])
 
 
 def information_of_repeat(state: SensingState) -> float:
-    """Return the information of a repeated misfit about the unknown object [nats].
+    """Return the expected information of a repeated misfit about whether the object is unknown [nats].
 
-    If the part is present, the repeat misses again with the outlier rate; if not, with the complement of this rate.
+    If the part is present, the repetition is again a misfit with the outlier rate. If the object is unknown, it is one
+    with the complement of that rate.
+
+    Args:
+        state: posterior of the session.
     """
     c, u = state.start.priors.outlier_rate, state.unknown
     off = u * (1 - c) + (1 - u) * c
@@ -46,24 +57,32 @@ def _is_like(one: Action, other: Action) -> bool:
 
 
 def _candidates(state: SensingState, actions: Sequence[Action]) -> Candidates:
-    """Return the same beams as candidates on the most probable hypothesis, without those that miss it."""
+    """Return the beams of actions as candidates of the most probable hypothesis, without beams that miss it."""
     origins = np.array([a.origin for a in actions]).reshape(-1, 3)
     directions = np.array([a.direction for a in actions]).reshape(-1, 3)
     if not len(actions):
         return Candidates(origins, directions, np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0))
     target, to_part = state.target(0), SE3.inverse(state.poses[0])
-    met = target.surface.cast(SE3.apply(to_part, origins), directions @ to_part[:3, :3].T)
-    faces = target.part.triangle_face[met.triangles]
-    reached = met.distances < [a.max_range for a in actions]
-    return Candidates(origins, directions, np.zeros(len(actions), dtype=int), faces, met.distances).take(reached)
+    hits = target.surface.cast(SE3.apply(to_part, origins), directions @ to_part[:3, :3].T)
+    faces = target.part.triangle_face[hits.triangles]
+    reached = hits.distances < [a.max_range for a in actions]
+    return Candidates(origins, directions, np.zeros(len(actions), dtype=int), faces, hits.distances).take(reached)
 
 
 _LEAST_GAIN = 0.1
-"""Least information of a feature that is acquired completely [nats], because this takes more than a minute."""
+"""Smallest information of a feature for which it is acquired completely [nats], because this takes more than a
+minute."""
 
 
 def enough(stop: Stop, state: SensingState, count: int, significance: float) -> Done | None:
-    """Return the end of a session: goal reached, answer contradicted, or reading limit reached; otherwise None."""
+    """Return the end of a session if its goal or limit is reached, or its answer is contradicted; otherwise None.
+
+    Args:
+        stop: goal of the session and its limits.
+        state: posterior of the session.
+        count: number of readings so far.
+        significance: significance level of the tests.
+    """
     goal = stop.reached(state)
     if against := contradiction(state, stop, significance, reached=goal is not None):
         return Done(False, against)
@@ -76,18 +95,24 @@ def enough(stop: Stop, state: SensingState, count: int, significance: float) -> 
 def worth_making(
     stop: Stop, context: DecisionContext, choice: Choice, repeats: Candidates
 ) -> tuple[DecisionContext, Choice] | Done:
-    """Return the chosen reading with its context, a reading that confirms the answer, or the end of the session.
+    """Return the reading to make with its context, or the end of the session if no reading is worth its cost.
 
-    If the policy computes no information, that of the best candidate decides. Misfits are repeated if their repeat has
-    more information than the choice.
+    It is the choice of the policy, the repetition of a misfit if that has more information, or a reading that confirms
+    the answer. If the policy computes no information, that of the best candidate decides.
+
+    Args:
+        stop: goal of the session and its limits.
+        context: input of the policy.
+        choice: choice of the policy.
+        repeats: misfits to repeat.
     """
     state, best = context.state, choice.gain
     if np.isnan(best) and stop.least_gain > 0:
         best = most_information(context)
-    told = information_of_repeat(state) if len(repeats) else 0.0
-    if told > 0 and told >= stop.least_gain and told >= best:
-        return replace(context, candidates=repeats), Choice(0, told, RepeatMisfit())
-    if not best < stop.least_gain or stop.settles(state, best, stop.max_measurements - context.count):
+    gain = information_of_repeat(state) if len(repeats) else 0.0
+    if gain > 0 and gain >= stop.least_gain and gain >= best:
+        return replace(context, candidates=repeats), Choice(0, gain, RepeatMisfit())
+    if not best < stop.least_gain or stop.many_small_gains_suffice(state, best, stop.max_measurements - context.count):
         return context, choice
     if stop.confirms(state):
         return context, _to_confirm(context)
@@ -99,8 +124,14 @@ def worth_acquiring(
 ) -> tuple[WholeFeature, float] | None:
     """Return the feature to acquire completely instead of the chosen reading, and its information [nats]; or None.
 
-    A feature replaces the choice if it has more information per time, for policies that weigh time. For other policies
-    it does so if no reading is worth its cost.
+    If the policy considers durations, a feature replaces the reading if it has more information per time. Otherwise it
+    does so if no reading is worth its cost.
+
+    Args:
+        stop: goal of the session and its limits.
+        context: input of the policy.
+        offers: features that the hand can acquire.
+        chosen: chosen reading with its context, or the end of the session.
     """
     if not offers:
         return None

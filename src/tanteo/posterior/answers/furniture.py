@@ -1,4 +1,4 @@
-"""Known surfaces around the part that a sensor may meet instead of it: a table, a vise, a fixture."""
+"""Known surfaces near the part that a sensor may hit instead of it: a table, a vise, a fixture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ASPREAD = 4.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Furniture:
-    """Known surface in the world. Readings that end on it are explained by it and show where the part is not.
+    """Known surface in the world. It explains readings that end on it; their paths show where the part is not.
 
     Attributes:
         name: name in answers.
@@ -29,7 +29,7 @@ class Furniture:
         surface: the same surface, prepared for distance queries.
 
     Raises:
-        InputError: an sd that is no length, or no mesh.
+        InputError: ``sd`` is not a length, or the triangles are not a mesh.
 
     Example:
         >>> import numpy as np
@@ -51,10 +51,16 @@ class Furniture:
 
     @classmethod
     def of_part(cls, shape: Part, T_world_shape: Transforms, sd: float, name: str = "") -> Furniture:
-        """Return a part from a CAD file at a pose ``(4, 4)`` as furniture, by default named as its file.
+        """Return furniture with the shape of a CAD part at a fixed pose.
+
+        Args:
+            shape: part from a CAD file.
+            T_world_shape: pose of this part in the world ``(4, 4)``.
+            sd: standard deviation of its surface along the normal [m].
+            name: name in answers; by default the name of the part.
 
         Raises:
-            InputError: a pose that is no rigid motion.
+            InputError: ``T_world_shape`` is not one rigid motion.
         """
         T = check_transforms("furniture, T_world_shape", np.asarray(T_world_shape))
         if T.shape != (4, 4):
@@ -63,7 +69,13 @@ class Furniture:
 
     @classmethod
     def of_table(cls, table: Table, middle: Vectors, radius: float) -> Furniture:
-        """Return the part of a table that matters for a workspace of a radius [m] about a point ``(3,)``."""
+        """Return a square of a table plane that covers the workspace.
+
+        Args:
+            table: the table.
+            middle: middle of the workspace ``(3,)`` [m].
+            radius: radius of the workspace [m].
+        """
         n = table.normal
         foot = middle - n * float((middle - table.point) @ n)
         u = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
@@ -73,7 +85,9 @@ class Furniture:
         return cls("table", corners, np.array([[0, 1, 2], [0, 2, 3]]), table.sd)
 
     def log_density(self, points: Vectors, covs: Covariances, radii: FloatArray, directions: Vectors) -> FloatArray:
-        """Return log densities of readings that end on it ``(n,)``, per length along the direction or per volume.
+        """Return the log density of each reading if it ends on this surface ``(n,)``.
+
+        The unit is 1/m along a known direction, and 1/m^3 for a point without a direction.
 
         Args:
             points: surface points, or centres of a ball ``(n, 3)`` [m].

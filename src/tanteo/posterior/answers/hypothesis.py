@@ -34,15 +34,15 @@ def hypothesis_at(
         T_world_part: pose of the part ``(4, 4)``.
         covariance: covariance of the pose ``(6, 6)``, part frame, right perturbation [m, rad]; along ``free`` that of a
             uniform density.
-        free: motions that no measurement constrains, symmetries of the part included, over :func:`part_scale` ``(k,
-            6)``.
+        free: motions that no measurement constrains, symmetries of the part included, in units of
+            :func:`part_scale` ``(k, 6)``.
         probability: posterior probability.
         misfit: squared residuals of all measurements and of the prior of the pose.
         rms: root mean square distance of the measurements from the part [m].
         outliers: ids of the readings that are not on the part.
-        pairings: reading id and model feature of those that are.
+        pairings: id and model feature of each reading that is on the part.
         outlier_distances: distances of the outliers from the surface [m].
-        covariance_relative: the covariance given the shared errors; None if nothing is shared.
+        covariance_relative: covariance of the pose given the shared errors; None if nothing is shared.
         shared: shared errors given the pose, whitened; None if nothing is shared.
     """
     left, observed = split_by_symmetry(part, free, covariance)

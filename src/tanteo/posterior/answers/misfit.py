@@ -28,7 +28,7 @@ class Misfit:
     Attributes:
         noise: sum of the squares that the noise scale divides.
         rest: sum of all other squares: sensed normals, shared errors, the prior of the pose.
-        dof: degrees of freedom of both; 0 or less if nothing was checked.
+        dof: degrees of freedom of ``noise`` and ``rest``; 0 or less if nothing was checked.
         log_factor: log of the factor to which the noise is known; 0 if it is exactly as stated.
         noise_dof: degrees of freedom of ``noise`` alone: measurements less the states that they determine.
     """
@@ -56,23 +56,29 @@ class Misfit:
         p = [chi2_survival(self.noise * math.exp(-2 * self.log_factor * x) + self.rest, self.dof) for x in z]
         return float(weights @ p / weights.sum())
 
-    def with_more(self, rest: float, dof: int, told: float = 0.0) -> Misfit:
-        """Return the misfit with further squares that the noise scale does not divide."""
-        return replace(self, rest=self.rest + rest, dof=self.dof + dof, noise_dof=self.noise_dof + told)
+    def with_more(self, rest: float, dof: int, noise_dof: float = 0.0) -> Misfit:
+        """Return the misfit with further squared residuals that the noise scale does not divide.
+
+        Args:
+            rest: sum of the further squares.
+            dof: their degrees of freedom.
+            noise_dof: number of states that these residuals determine, in place of the noise residuals.
+        """
+        return replace(self, rest=self.rest + rest, dof=self.dof + dof, noise_dof=self.noise_dof + noise_dof)
 
     def noise_scale(self) -> tuple[float, float, float]:
         """Return the estimated noise over the stated one: the mode, and both ends of its 95 % interval.
 
-        The states that the measurements determine take as many degrees of freedom. The prior is flat within the factor
-        and falls steeply beyond it.
+        Each state that the measurements determine uses one degree of freedom. The prior is flat up to the factor to
+        which the noise is known, and falls steeply beyond it.
         """
         if self.log_factor == 0:
             return 1.0, 1.0, 1.0
         dof, unit, z = max(self.noise_dof, 0.0), self.log_factor, 0.0
         for _ in range(_ENOUGH):
-            told = self.noise * math.exp(-2 * unit * z)
-            curved = 2 * told * unit**2 + max(0.75 * z * z, _PRIOR_INFORMATION)
-            z += max(min(((told - dof) * unit - z**3 / 4) / curved, 1.0), -1.0)
+            scaled = self.noise * math.exp(-2 * unit * z)
+            curved = 2 * scaled * unit**2 + max(0.75 * z * z, _PRIOR_INFORMATION)
+            z += max(min(((scaled - dof) * unit - z**3 / 4) / curved, 1.0), -1.0)
         sd = curved**-0.5
         low, likeliest, high = (math.exp(unit * (z + k * sd)) for k in (-1.96, 0.0, 1.96))
         return likeliest, low, high

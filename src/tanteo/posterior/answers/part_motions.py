@@ -11,24 +11,24 @@ from tanteo.parts import Part
 from tanteo.words import Motion
 
 _RESISTS = 0.3
-"""Smallest normal motion of a face, over the largest of all faces, from which the face constrains a motion."""
+"""Smallest motion of a face along its normal, over that of the fastest face, at which the face constrains a motion."""
 
 _MOSTLY = 0.9
-"""Fraction of the corners' mean square motion from which a motion is called sliding, or turning."""
+"""Fraction of the corners' mean square motion from which a motion is described as a pure shift or rotation."""
 
 
 def split_by_symmetry(part: Part, free: Tangents, covariance: Covariances) -> tuple[Tangents, Covariances]:
-    """Return the free directions that the part's symmetry does not explain, and the covariance without the others.
+    """Return the free motions that no symmetry explains, and the covariance without variance along the symmetries.
 
     Args:
         part: the part.
-        free: motions that no measurement constrains, over :func:`part_scale` ``(k, 6)``.
-        covariance: covariance of the pose; along ``free`` that of a uniform density.
+        free: motions that no measurement constrains, in units of :func:`part_scale` ``(k, 6)``.
+        covariance: covariance of the pose ``(6, 6)`` [m, rad]; along ``free`` that of a uniform density.
     """
-    excused = symmetry_motions(part)
+    symmetric = symmetry_motions(part)
     left, observed = [], np.array(covariance)
     for xi in free:
-        if np.linalg.norm(xi - excused.T @ (excused @ xi)) > 1e-2:
+        if np.linalg.norm(xi - symmetric.T @ (symmetric @ xi)) > 1e-2:
             left.append(xi)
             continue
         scaled = part_scale(part) @ xi
@@ -37,12 +37,12 @@ def split_by_symmetry(part: Part, free: Tangents, covariance: Covariances) -> tu
 
 
 def part_scale(part: Part) -> FloatArray:
-    """Return unit motions as columns ``(6, 6)``: shifts by the part's diagonal, turns by 1 rad about its centroid."""
+    """Return unit motions as columns ``(6, 6)``: shifts by the diagonal, turns of 1 rad about the part's centroid."""
     return motion_scale(part.diagonal, part.centroid)
 
 
 def symmetry_motions(part: Part) -> FloatArray:
-    """Return an orthonormal basis of the motions of the continuous symmetry over :func:`part_scale` ``(k, 6)``."""
+    """Return an orthonormal basis of the continuous symmetry's motions ``(k, 6)``, in units of :func:`part_scale`."""
     if not part.symmetry.continuous:
         return np.zeros((0, 6))
     if part.symmetry.spherical:
@@ -71,7 +71,10 @@ def symmetry_projector(part: Part) -> FloatArray:
 
 
 def without_symmetry(part: Part, information: FloatArray) -> FloatArray:
-    """Return information ``(*batch, 6, 6)`` without the continuous symmetry, where facets add a spurious part."""
+    """Return information on the pose without that along the continuous symmetry ``(*batch, 6, 6)``.
+
+    The facets of a mesh seem to constrain turns that the true surface leaves free.
+    """
     if not part.symmetry.continuous:
         return information
     keep = symmetry_projector(part)
@@ -98,12 +101,12 @@ def box_corners(part: Part) -> FloatArray:
 
 
 def corner_moves(part: Part) -> FloatArray:
-    """Return the derivatives of the corners of the part's box by its pose, in the part frame ``(8, 3, 6)``."""
+    """Return derivatives of the corners of the part's box with respect to the pose, part frame ``(8, 3, 6)``."""
     return point_moves(box_corners(part))
 
 
 def point_moves(points: FloatArray) -> FloatArray:
-    """Return the derivatives of points of the part frame ``(K, 3)`` by its pose ``(K, 3, 6)``."""
+    """Return derivatives of points in the part frame ``(K, 3)`` with respect to the pose ``(K, 3, 6)``."""
     J = np.zeros((len(points), 3, 6))
     J[:, :, :3] = np.eye(3)
     x, y, z = points.T
@@ -112,7 +115,7 @@ def point_moves(points: FloatArray) -> FloatArray:
 
 
 def motion_of(part: Part, motion: Tangents, T_world_part: Transforms) -> Motion:
-    """Return a motion without the components that hardly move the corners of the part's box, up to its sign.
+    """Describe a motion of the pose in the world, without components that hardly move the part's corners.
 
     Args:
         part: the part.
@@ -134,12 +137,12 @@ def motion_of(part: Part, motion: Tangents, T_world_part: Transforms) -> Motion:
 
 
 def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
-    """Return advice to sense the face that constrains a free direction best; empty if no planar face does.
+    """Return advice to sense the planar face that constrains a free motion best; empty if no face does.
 
     Args:
         part: the part.
         T_world_part: estimated pose of the part ``(4, 4)``.
-        free: an unobserved direction, over :func:`part_scale` ``(6,)``.
+        free: unobserved motion, in units of :func:`part_scale` ``(6,)``.
     """
     if not len(part.planes):
         return ""
@@ -161,7 +164,7 @@ def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
 
 
 def without_symmetric_rotation(part: Part, gaps: Transforms) -> Transforms:
-    """Return relative poses without the rotation that the part's continuous symmetry absorbs."""
+    """Return relative poses ``(*batch, 4, 4)`` without their rotation along the part's continuous symmetry."""
     if part.symmetry.spherical:
         centre = part.centroid
         shift = SE3.apply(gaps, centre) - centre

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.geometry import SE3, check_transforms
-from tanteo.geometry.covariances import check_covariances
+from tanteo.geometry import SE3, check_covariances, check_transforms
 from tanteo.geometry.limits import LEAST_SD, check_length, check_places, check_spreads
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
 from tanteo.parts import Part
@@ -50,14 +49,15 @@ class PosePrior:
 
     Attributes:
         T_world_part: prior pose ``(4, 4)``, or one prior pose for each of ``S`` queried poses ``(S, 4, 4)``.
-        covariance: its covariance ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad]; or of
-            each.
+        covariance: covariance of the prior pose ``(6, 6)``, or of each ``(S, 6, 6)``; order x y z rx ry rz, part frame,
+            right perturbation [m, rad].
         box: lowest and highest world coordinates of the part's centroid ``(2, 3)`` [m].
         table: table on which the part rests.
-        root: root of the inverse covariance, which whitens residuals ``(6, 6)``; or of each.
+        root: root of the inverse covariance, which whitens residuals ``(6, 6)`` or ``(S, 6, 6)``.
 
     Raises:
-        InputError: for half a prior pose, one that is no rigid motion, or a box upside down.
+        InputError: a prior pose without its covariance or the reverse, a pose that is not a rigid motion, or a box of
+            which the lowest corner is not below the highest.
 
     Example:
         >>> import numpy as np
@@ -103,15 +103,15 @@ def prior_rows(
         prior: prior of the pose.
         part: the part.
         Ts: poses ``(S, 4, 4)``.
-        rows: rows of the prior poses that belong to these poses, where the prior has several ``(S,)``.
+        rows: index of the prior pose of each pose ``(S,)``; needed only if the prior has several.
     """
     r, J = [np.zeros((len(Ts), 0))], [np.zeros((len(Ts), 0, 6))]
     if prior is not None and prior.T_world_part is not None:
-        e, L = _from_rough(prior, Ts, rows)
+        e, L = _from_prior_pose(prior, Ts, rows)
         r.append((L @ e[..., None])[..., 0])
         J.append(L @ SE3.right_jacobian_inverse(e))
     if prior is not None and prior.table is not None:
-        gap, row = _standing(prior.table, part, Ts)
+        gap, row = _height_over_table(prior.table, part, Ts)
         r.append(gap[:, None] / prior.table.sd)
         J.append(row[:, None] / prior.table.sd)
     return np.concatenate(r, axis=1), np.concatenate(J, axis=1)
@@ -121,15 +121,15 @@ def prior_residuals(prior: PosePrior, part: Part, Ts: Transforms) -> FloatArray:
     """Return the residuals of :func:`prior_rows` without derivatives ``(S, m)``."""
     r = [np.zeros((len(Ts), 0))]
     if prior.T_world_part is not None:
-        e, L = _from_rough(prior, Ts, None)
+        e, L = _from_prior_pose(prior, Ts, None)
         r.append((L @ e[..., None])[..., 0])
     if prior.table is not None:
-        r.append(_standing(prior.table, part, Ts)[0][:, None] / prior.table.sd)
+        r.append(_height_over_table(prior.table, part, Ts)[0][:, None] / prior.table.sd)
     return np.concatenate(r, axis=1)
 
 
-def _from_rough(prior: PosePrior, Ts: Transforms, rows: IntArray | None) -> tuple[FloatArray, FloatArray]:
-    """Return perturbations from the prior poses ``(S, 6)``, and the roots that whiten them."""
+def _from_prior_pose(prior: PosePrior, Ts: Transforms, rows: IntArray | None) -> tuple[FloatArray, FloatArray]:
+    """Return the perturbation of each pose from its prior pose ``(S, 6)``, and the root that whitens it."""
     T0, L = prior.T_world_part, prior.root
     assert T0 is not None
     assert L is not None
@@ -138,7 +138,7 @@ def _from_rough(prior: PosePrior, Ts: Transforms, rows: IntArray | None) -> tupl
     return SE3.log(SE3.inverse(T0) @ Ts), L
 
 
-def _standing(table: Table, part: Part, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
+def _height_over_table(table: Table, part: Part, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
     """Return the height of the part's lowest point over the table ``(S,)``, and its derivative ``(S, 6)``."""
     n = table.normal @ Ts[:, :3, :3]  # the table's normal in the part
     heights = n @ part.vertices.T
@@ -148,13 +148,14 @@ def _standing(table: Table, part: Part, Ts: Transforms) -> tuple[FloatArray, Flo
 
 
 def log_density_within(prior: PosePrior | None, radius: float) -> FloatArray:
-    """Return the log ratio of the prior density to the uniform one, without the residuals of :func:`prior_rows`.
+    """Return the log normalization of the prior of the pose relative to a uniform density.
 
-    The value holds within the box. It is one number, or ``(S,)`` if the prior has as many prior poses.
+    The squared residuals of :func:`prior_rows` are not included. The value applies to poses inside the box. It is one
+    number, or ``(S,)`` if the prior has ``S`` prior poses.
 
     Args:
         prior: prior of the pose.
-        radius: radius of the workspace [m]; the uniform density covers a cube of twice that side and all attitudes.
+        radius: radius of the workspace [m]; the uniform density covers a cube of side ``2 radius`` and all attitudes.
     """
     log = np.zeros(())
     if prior is None:
@@ -170,7 +171,7 @@ def log_density_within(prior: PosePrior | None, radius: float) -> FloatArray:
 
 
 def in_box(prior: PosePrior | None, part: Part, Ts: Transforms) -> BoolArray:
-    """Return which poses put the part's centroid into the box ``(S,)``."""
+    """Return whether each pose puts the part's centroid into the box of the prior ``(S,)``; True without a box."""
     if prior is None or prior.box is None:
         return np.ones(len(Ts), dtype=bool)
     centre = SE3.apply(Ts, part.centroid)

@@ -13,14 +13,15 @@ from tanteo.posterior.answers.pose_prior import PosePrior
 from tanteo.posterior.answers.whole_object import WholeObject
 
 STATED = {"typed": 2.0, "preset": 1.5, "unstated": 5.0}
-"""Noise factors by the origin of the standard deviation. A person who types one knows it to a factor of two at best; a
-preset has it from the data sheet; an unstated one is estimated. With the first, the 95 % region of a dozen readings
-holds 90 to 97 % while the true noise is half to twice the stated one (``benchmarks/honesty.py``)."""
+"""Factor to which the noise is known, by the origin of its standard deviation: typed by the user, preset from a data
+sheet, or unstated and estimated. With the first, the 95 % region of a dozen readings has a coverage of 90 to 97 % if
+the true noise is half to twice the stated one (``benchmarks/honesty.py``)."""
 
 _MOST = 100.0
+"""Largest noise factor that is accepted."""
 
 OFTEN = 0.99
-"""Largest outlier rate: with more outliers nothing would be left of the part."""
+"""Largest outlier rate that is accepted: with more outliers hardly a reading would be on the part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,23 +30,23 @@ class Priors:
 
     Attributes:
         unknown: probability that the object is none of the parts.
-        outlier_rate: probability that a sensed feature is not of the part; for unlabelled readings the mean of a rate
+        outlier_rate: probability that a sensed feature is not on the part; for unlabelled readings the mean of a rate
             that is estimated from the readings (decision 35).
         radius: radius of the ball in which the part lies [m]; 0 for that of the largest part of the catalogue.
-        right_angled: fraction of the faces of an unknown part that run along three perpendicular axes (decision 62).
+        right_angled: fraction of the faces of an unknown part with normals along three perpendicular axes (decision
+            62).
         near_variant: fraction of unknown parts that equal a part of the catalogue except for some faces; for unlabelled
             readings.
         noise_factor: factor to which the noise is known: standard deviations within this factor of the stated one are
             equally probable, beyond its square nearly impossible; 1 if the noise is as stated. None: by the origin of
             the standard deviation, see :data:`STATED`.
-        furniture: known surfaces that a sensor may meet instead of the part, beside the table that ``pose`` names.
+        furniture: known surfaces that a sensor may hit instead of the part, in addition to the table of ``pose``.
         pose: prior of the pose.
         whole: measurements of the whole object: mass, size, outline.
 
     Raises:
-        InputError: a probability that is not between 0 and 1, both excluded (what is impossible, no reading can
-            teach), outliers above 99 %, a share below 0 or not below 1, a radius that is no length, or a noise factor
-            outside 1 to 100.
+        InputError: a probability outside (0, 1) (no reading can change a prior of 0 or 1), an outlier rate above 99 %,
+            ``right_angled`` outside [0, 1), a radius that is not a length, or a noise factor outside 1 to 100.
 
     Example:
         >>> priors = tanteo.Priors(outlier_rate=0.1, unknown=0.01)
@@ -73,9 +74,9 @@ class Priors:
                     "enough."
                 )
         if not 0 <= self.right_angled < 1:
-            raise InputError(f"priors, right_angled: expected a share from 0 to below 1, got {self.right_angled}.")
+            raise InputError(f"priors, right_angled: expected a fraction from 0 to below 1, got {self.right_angled}.")
         if self.outlier_rate > OFTEN:
-            raise InputError(f"priors, outliers: expected at most {OFTEN}, got {self.outlier_rate}. Say less.")
+            raise InputError(f"priors, outliers: expected at most {OFTEN}, got {self.outlier_rate}. Lower it.")
         check_length("priors, radius", self.radius)
         if not isinstance(self.furniture, tuple) or not all(isinstance(f, Furniture) for f in self.furniture):
             raise InputError(
@@ -92,11 +93,16 @@ class Priors:
 
     @property
     def log_noise_factor(self) -> float:
-        """Return the log of the factor to which the noise is known; 0 where it is as stated."""
+        """Return the log of the factor to which the noise is known; 0 if the noise is exactly as stated."""
         return float(np.log(STATED["typed"] if self.noise_factor is None else self.noise_factor))
 
 
 def sized(priors: Priors | None, radius: float) -> Priors:
-    """Return the priors, with the radius of the largest part where they state none."""
+    """Return the priors with the radius of the workspace, if they state none.
+
+    Args:
+        priors: priors of the inference; None for the defaults.
+        radius: radius of the largest part [m].
+    """
     priors = priors or Priors()
     return replace(priors, radius=radius) if priors.radius == 0 else priors

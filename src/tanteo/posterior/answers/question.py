@@ -15,10 +15,11 @@ from tanteo.posterior.answers.results import Answer
 
 
 def check_question(parts: Any, significance: float, top: int, seed: int, priors: Priors | None) -> Sequence[Any]:
-    """Return the parts as a sequence, and refuse invalid arguments.
+    """Check the arguments of an inference, and return the parts as a sequence.
 
     Raises:
-        InputError: no part, ``significance`` outside (0, 1), no ``top``, no seed, no priors.
+        InputError: no part, ``significance`` outside (0, 1), ``top`` below 1, a negative seed, or priors of another
+            type.
     """
     found = as_parts("parts", parts)
     if not len(found):
@@ -27,29 +28,29 @@ def check_question(parts: Any, significance: float, top: int, seed: int, priors:
     check_count("top", top, 1)
     check_count("seed", seed, 0)
     if priors is not None:
-        check_kind("priors", priors, Priors, "What is known of the pose is Priors(pose=...), from tanteo.posterior.")
+        check_kind("priors", priors, Priors, "Pass the prior of the pose as Priors(pose=...), from tanteo.posterior.")
     return found
 
 
 def with_elapsed(answer: Answer, **seconds: float) -> Answer:
-    """Return the answer with further stages in ``elapsed`` (loading, measuring), which the total includes."""
+    """Return the answer with the seconds of further stages (loading, measuring), which the total then includes."""
     elapsed = {**seconds, **answer.elapsed}
     elapsed["total"] = answer.elapsed.get("total", 0.0) + sum(seconds.values())
     return replace(answer, elapsed=elapsed)
 
 
 class Clock:
-    """Elapsed seconds by stage."""
+    """Stopwatch of the stages of an inference."""
 
     def __init__(self) -> None:
         self._start = self._last = time.perf_counter()
         self._laps: dict[str, float] = {}
 
     def lap(self, name: str) -> None:
-        """Close a stage."""
+        """End the current stage and store its duration under a name."""
         now = time.perf_counter()
         self._laps[name], self._last = now - self._last, now
 
     def laps(self) -> dict[str, float]:
-        """Return the seconds of every stage, and their total."""
+        """Return the seconds of each stage by name, and their total."""
         return {**self._laps, "total": time.perf_counter() - self._start}

@@ -20,14 +20,14 @@ class Hypothesis:
 
     Attributes:
         part: name of the part.
-        file: path from which it was read.
+        file: path of the CAD file.
         probability: posterior probability over all parts, poses and the unknown object.
         T_world_part: pose ``(4, 4)``, maps points of the part [m] to the world.
         covariance: covariance of the pose ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
             Unobserved directions have the variance of a uniform density over the part's size (diagonal of its box) or a
             full turn.
         corner_sd: largest standard deviation of the position of a corner of the part's box [m].
-        unobserved: directions that the readings leave free and no symmetry explains, in words.
+        unobserved: motions that the readings leave free and no symmetry explains, as text.
         symmetry_order: number of equivalent poses, this one included.
         symmetry_poses: the other equivalent poses ``(symmetry_order - 1, 4, 4)``.
         chi2: joint squared Mahalanobis distance of all pairings, with the noise as stated.
@@ -35,15 +35,15 @@ class Hypothesis:
         p_value: probability of a larger ``chi2`` if the hypothesis is true, averaged over the prior of the noise scale;
             1 without redundancy.
         rms: root mean square distance of the readings to the features they are paired with [m].
-        outliers: ids of the readings that the hypothesis does not explain.
-        pairings: reading id and model feature, for every explained reading.
+        outliers: ids of the readings that are not on the part.
+        pairings: id and model feature of each reading that is on the part.
         outlier_distances: signed distance of each outlier from the surface, negative inside the material [m]; NaN
             where that is not known.
         covariance_relative: covariance given the errors that all readings share (robot, tip, sensor bias); None if
             nothing is shared. If the robot's base is the only shared error and there is no prior pose, this is the
             repeatability with the same robot.
         symmetry_axis: point and unit direction, in the world ``(2, 3)``, about which every rotation is equivalent:
-            not an error, and not in ``unobserved``. None for other parts.
+            not an error, and not in ``unobserved``. None for a part without an axis of revolution.
         advice: what to sense to observe the first free direction; empty if there is none.
         noise_scale: estimated noise over the stated noise: the mode, and both ends of its 95 % interval.
         free_motions: the motions of ``unobserved`` as values.
@@ -83,17 +83,18 @@ class Hypothesis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """Answer to the question which part was sensed, and where it is.
+    """Result of a recognition: which part was sensed, where it is, and how certain that is.
 
     Attributes:
         status: ``recognized`` (one answer), ``ambiguous`` (several remain), ``unknown`` (none of the parts) or
             ``insufficient`` (the readings leave a direction free that no symmetry explains).
-        findings: findings behind the answer: the verdict first, then its causes, then questions about the input.
+        findings: findings that support the answer: the verdict, then its causes, then questions about the input.
         hypotheses: hypotheses, best first.
-        unknown_probability: posterior of the unknown object; sums to one with all hypotheses, reported or not.
+        unknown_probability: posterior probability of the unknown object; it sums to one with those of all hypotheses,
+            also those that are not reported.
         elapsed: elapsed seconds by stage.
         seed: seed of the search; the same seed gives the same answer.
-        significance: significance level of the tests behind the status: a p-value below it rejects.
+        significance: significance level of the tests for the status: a p-value below it rejects.
 
     Example:
         >>> part = tanteo.read_part("parts/bracket_left.step")
@@ -112,7 +113,7 @@ class Answer:
 
     @property
     def message(self) -> str:
-        """Return the findings in words, without questions, and what to do next if no part is recognized."""
+        """Return the findings as text, without questions, and the next step if no part is recognized."""
         return message_of(self.findings)
 
     def adding(self, *findings: Finding) -> Answer:
@@ -121,7 +122,7 @@ class Answer:
 
     @property
     def best(self) -> Hypothesis | None:
-        """Return the most probable hypothesis; None if no part is one. :attr:`status` states how far to trust it."""
+        """Return the most probable hypothesis; None if there is none. :attr:`status` rates it."""
         return self.hypotheses[0] if self.hypotheses else None
 
     def rejects(self, hypothesis: Hypothesis) -> bool:

@@ -1,7 +1,7 @@
 """Outline of an object on a table in a camera image, compared with all stable poses of parts.
 
-The convex outline of a part is that of its convex hull. So the hull is compared as the camera would see it, with its
-height, at any yaw and place. The region of the image may include a shadow (decision 83).
+The convex outline of a part is that of its convex hull. The hull, with its height, is projected into the camera at any
+yaw and position. The region of the image may include a shadow (decision 83).
 """
 
 from __future__ import annotations
@@ -14,33 +14,33 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.errors import InputError
-from tanteo.geometry import SE3
-from tanteo.geometry.covariances import freeze
+from tanteo.geometry import SE3, freeze
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
 from tanteo.posterior.settings import DEFAULTS
 
-AROUND = 32
-"""Number of directions of the table in which an outline is measured, from x towards y (decision 83)."""
+DIRECTIONS = 32
+"""Number of directions in the table plane along which an outline is measured, from x towards y (decision 83)."""
 
 _PIXELS, _LEAST_SD, _MADE = 0.6, 2e-4, 2e-3
 """Standard deviation of an outline in a direction: pixels, a length [m] and a fraction of its size (decision 83)."""
 
 _SHADOW = 0.4
-"""Standard deviation of the length of a shadow over the height of what throws it (decision 83)."""
+"""Standard deviation of the length of a shadow over the height of the object that casts it (decision 83)."""
 
 _TOGETHER = 2.0
 """Number of adjacent directions that share one error, by which squares are divided (decision 83)."""
 
 _MOST = 150.0
-"""Largest sum of squares: beyond it, the outline is of another part."""
+"""Largest sum of squares of a comparison; a worse outline is evidence for another part, and costs no more."""
 
 _FITS = 40.0
 """Largest sum of squares of a fit. If no part fits better, the odds of the unknown object rise accordingly."""
 
 MISLEADING = 0.05
-"""Fraction of measurements of a whole object that mislead: the region of an image is not the outline of one part
-(hidden, touching another one, grey as the table), something else was weighed, the box has other axes (decision 83)."""
+"""Fraction of global measurements that do not describe the part: the region of the image is not the outline of one part
+(hidden, touching another one, grey as the table), another object was weighed, or the box has other axes (decision
+83)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,14 +48,15 @@ class SeenOutline:
     """Convex outline on a table, in the frame of the table. Its plane is z = 0; the camera is above.
 
     Attributes:
-        reach: distance of the outline from its middle in each of 32 directions ``(32,)`` [m].
+        reach: extent of the outline from its middle along each of 32 directions, from x towards y ``(32,)`` [m].
         middle: middle of the outline ``(2,)`` [m].
         eye: centre of the camera ``(3,)`` [m].
-        pixel: length of a pixel there [m].
+        pixel: size of a pixel on the table [m].
         T_world_table: frame of the table ``(4, 4)``; by default the world frame.
 
     Raises:
-        InputError: an array of another shape, a camera that is not above the table, a pixel without length.
+        InputError: an array of the wrong shape, a camera that is not above the table, or a pixel size that is not
+            positive.
     """
 
     reach: FloatArray
@@ -67,7 +68,7 @@ class SeenOutline:
     """Parts of the last query and their results; one answer queries the same parts several times."""
 
     def __post_init__(self) -> None:
-        for name, size in (("reach", AROUND), ("middle", 2), ("eye", 3)):
+        for name, size in (("reach", DIRECTIONS), ("middle", 2), ("eye", 3)):
             if np.shape(getattr(self, name)) != (size,) or not np.all(np.isfinite(getattr(self, name))):
                 raise InputError(f"{name}: expected {size} finite numbers, got {getattr(self, name)}.")
         if not (self.eye[2] > 0 and self.pixel > 0):
@@ -82,11 +83,11 @@ class SeenOutline:
         return float(np.sqrt((_PIXELS * self.pixel) ** 2 + _LEAST_SD**2 + (_MADE * self.reach.mean()) ** 2))
 
     def by_rest(self, parts: Sequence[Any]) -> tuple[FloatArray, IntArray]:
-        """Return the log likelihood of every stable pose at its best yaw and place, times the pose's probability.
+        """Return the log likelihood of each stable pose at its best yaw and position, times the pose's probability.
 
         Returns:
-            Up to a constant, of all poses one after the other ``(R,)``; where those of each part start, and end
-            ``(n + 1,)``.
+            Log likelihoods of the stable poses of all parts, up to a constant ``(R,)``; first row of each part, and the
+            end of the last ``(n + 1,)``.
         """
         if not self._known or self._known[0] is not parts:
             found = [self._of_table(*table) for table in _tables(parts)]
@@ -97,7 +98,13 @@ class SeenOutline:
         return self._known[1], self._known[2]
 
     def likely(self, parts: Sequence[Any], row: int, gap: float = DEFAULTS.search.negligible) -> IntArray:
-        """Return rows of the stable poses of a part: the likeliest, and others within a gap of the best of all."""
+        """Return the rows of a part's stable poses that explain the outline: the likeliest, and nearly equal ones.
+
+        Args:
+            parts: candidate parts.
+            row: row of the part.
+            gap: log-likelihood gap to the best stable pose of all parts up to which a pose is returned [nats].
+        """
         log, start = self.by_rest(parts)
         own = log[start[row] : start[row + 1]]
         return np.flatnonzero((own > log.max() - gap) | (own == own.max())) if len(own) else np.zeros(0, np.int64)
@@ -105,7 +112,13 @@ class SeenOutline:
     def poses(self, parts: Sequence[Any], row: int, gap: float = DEFAULTS.search.negligible) -> Transforms:
         """Return poses of a part that explain the outline, and their half turns, which hulls hardly discriminate.
 
-        The poses are ``T_world_part (k, 4, 4)``.
+        Args:
+            parts: candidate parts.
+            row: row of the part.
+            gap: log-likelihood gap to the best stable pose of all parts up to which a pose is returned [nats].
+
+        Returns:
+            Poses ``T_world_part`` ``(k, 4, 4)``.
         """
         which = self.likely(parts, row, gap)
         Ts = self._known[3][self._known[2][row] + which].astype(np.float64)
@@ -114,14 +127,14 @@ class SeenOutline:
         return np.asarray(self.T_world_table @ np.concatenate([Ts, half @ Ts]))
 
     def log_likelihood(self, parts: Sequence[Any]) -> FloatArray:
-        """Return the log likelihood of every part, up to a constant ``(n,)``."""
+        """Return the log likelihood of each part, up to a constant ``(n,)``."""
         log, start = self.by_rest(parts)
-        out, some = np.full(len(start) - 1, _log(_MOST)), np.diff(start) > 0  # what balances on nothing has no pose
+        out, some = np.full(len(start) - 1, _log(_MOST)), np.diff(start) > 0  # a part may have no stable pose
         out[some] = np.logaddexp.reduceat(log, start[:-1][some]) if some.any() else 0.0
         return out
 
     def log_odds(self, parts: Sequence[Any]) -> FloatArray:
-        """Return log odds of every part against an unknown object, which may have the outline of any part ``(n,)``."""
+        """Return log odds of each part against an unknown object, which may have the outline of any part ``(n,)``."""
         return odds_among(self.log_likelihood(parts))
 
     def _of_table(self, hull: Any, hull_start: Any, rests: Any, start: Any) -> tuple[FloatArray, Any, Any]:
@@ -135,7 +148,10 @@ class SeenOutline:
 
 
 def odds_among(log: FloatArray) -> FloatArray:
-    """Return log odds of parts against the unknown object from their likelihoods; some outlines are of no part."""
+    """Return log odds of parts against the unknown object, from log likelihoods of their outlines ``(n,)``.
+
+    A fraction :data:`MISLEADING` of all outlines does not describe the object.
+    """
     if not len(log):
         return log
     mean = max(float(log_sum(log)), _log(_FITS)) - np.log(len(log))

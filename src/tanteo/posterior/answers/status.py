@@ -1,4 +1,4 @@
-"""The verdict on hypotheses: the status of an answer and the finding behind it."""
+"""Verdict on hypotheses: the status of an answer and the finding that states its reason."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CONFIDENCE = 1 - NOTABLE
 """Posterior probability from which one hypothesis is the answer."""
 
 _NAMED = TOP
-"""Number of parts that a message names; it counts the rest."""
+"""Number of parts that a message names; it states the number of the others."""
 
 _LISTED = SIGNIFICANCE
 """Probability above which a message names an alternative: below, it is rejected at the significance level."""
@@ -52,28 +52,28 @@ def verdict(
     known: bool = False,
     same: Collection[str] | None = None,
 ) -> tuple[Status, Finding]:
-    """Return the status of an answer and the finding behind it.
+    """Return the status of an answer and the finding that states its reason.
 
     Args:
         hypotheses: hypotheses, best first.
         unknown: probability of the unknown object.
         significance: p-value below which the joint test rejects a hypothesis.
-        as_published: the paper has no joint test, so the p-value does not reject.
+        as_published: whether to omit the joint test, as the paper does.
         worst: the reading that contradicts the best hypothesis most; None if no reading is far off.
-        shares: part and probability of all modes, where not all of them are hypotheses.
+        shares: part and probability of all modes, if some modes are not hypotheses.
         prior_p: p-value of the prior pose alone, for a part that fits without it. Where many readings agree with each
             other the joint test does not detect a wrong prior.
         elsewhere: name of the part that explains the readings far better away from the prior pose; empty if none does.
-        least: probability from which one hypothesis is the answer; messages state it where it is below the default.
-        known: whether the part is known with the probability of the goal, in any pose.
-        same: names of the parts that have the shape of the best one; None: all parts that fit equally.
+        least: probability from which one hypothesis is the answer.
+        known: whether the part is certain enough if all of its poses count together.
+        same: names of the parts with the shape of the best one; None if all parts that fit equally count as such.
     """
     doubted = prior_p < SUSPECT or (
         hypotheses and hypotheses[0].p_value < significance and prior_p < significance and worst is None
     )
     if elsewhere or (hypotheses and doubted):
         return "unknown", PriorContradicted(elsewhere or hypotheses[0].part, prior_p, significance)
-    several = unknown < 0.5 and len({name for name, _ in shares}) > _NAMED  # they divide what is not unknown
+    several = unknown < 0.5 and len({name for name, _ in shares}) > _NAMED  # several known parts share the rest
     if not hypotheses:
         return "unknown", NoPart()
     best = hypotheses[0]
@@ -92,13 +92,13 @@ def verdict(
 def doubt(
     best: Hypothesis, unknown: float, shares: Sequence[tuple[str, float]], *, any_pose: bool = False
 ) -> tuple[float, tuple[tuple[str, float], ...]]:
-    """Return the probability of an answer and its alternatives; NaN and none from the default confidence on.
+    """Return the probability of an answer, and its alternatives; NaN and none if it exceeds the default confidence.
 
     Args:
         best: the answer.
         unknown: probability of the unknown object.
         shares: part and probability of all modes, that of the answer first.
-        any_pose: whether all poses of its part are the answer.
+        any_pose: whether the answer includes all poses of its part.
     """
     P, others = best.probability, dict[str, float]()
     for name, share in shares[1:]:

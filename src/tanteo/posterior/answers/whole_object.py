@@ -32,7 +32,7 @@ class WholeObject:
         outline: outline of the object on a table in a camera image; None without one.
 
     Raises:
-        InputError: a number that is not positive, a mass without a density, sides without a standard deviation.
+        InputError: a number that is not positive, a mass without a density, or sides without a standard deviation.
 
     Example:
         >>> from tanteo.posterior.answers.whole_object import WholeObject
@@ -51,7 +51,7 @@ class WholeObject:
             for value in getattr(self, name) or ():
                 _positive(name, value)
         if self.mass is not None and self.density is None:
-            raise InputError("mass: expected the density of the material, too, got none. Say --density 7.85g/cm3+-1%.")
+            raise InputError("mass: expected the density of the material, too, got none. Add --density 7.85g/cm3+-1%.")
         for value in (*(self.sides or ()), *((self.side_sd,) if self.sides else ())):
             _positive("size", value)
 
@@ -61,9 +61,10 @@ class WholeObject:
         return self.mass[0] / self.density[0] if self.mass and self.density else None
 
     def log_odds(self, volumes: FloatArray, boxes: FloatArray) -> FloatArray:
-        """Return log odds of parts against an unknown object, which is as large as any of them ``(n,)``.
+        """Return log odds of parts against an unknown object by mass and sides ``(n,)``.
 
-        The outline is compared separately (:meth:`SeenOutline.log_odds`), because it needs hulls and not only sizes.
+        The unknown object may have any size between those of the parts, or somewhat beyond. The outline is compared
+        separately (:meth:`SeenOutline.log_odds`), because it needs hulls and not only sizes.
 
         Args:
             volumes: volumes of the parts ``(n,)`` [m^3]; 0 for an open mesh, which no mass can contradict.
@@ -76,17 +77,17 @@ class WholeObject:
             sides = np.sort(np.asarray(self.sides))
             off = (np.sort(boxes, axis=1) - sides) / self.side_sd
             log = np.sum(-0.5 * off**2 - 0.5 * np.log(2 * np.pi), axis=1) - 3 * np.log(self.side_sd)
-            out += _or_otherwise(log + 3 * np.log(2 * float(boxes.max())))
+            out += _with_misleading(log + 3 * np.log(2 * float(boxes.max())))
         return out
 
     def mismatch(
         self, name: str, volume: float, sides: FloatArray, gate: float = DEFAULTS.search.gate
     ) -> WholeMismatch | None:
-        """Return how mass or sides contradict a part; None where they do not.
+        """Return the finding that mass or sides contradict a part; None if they agree.
 
         Args:
             name: name of the part.
-            volume: volume of the part [m^3]; 0 if it does not close.
+            volume: volume of the part [m^3]; 0 for an open mesh.
             sides: sides of its box ``(3,)`` [m].
             gate: deviation from which a measurement contradicts the part [standard deviations].
         """
@@ -106,13 +107,13 @@ class WholeObject:
 
     def _of_volume(self, volumes: FloatArray, sd: float) -> FloatArray:
         logs = np.log(volumes)
-        room = float(np.ptp(logs)) + 2 * np.log(2.0)
+        extent = float(np.ptp(logs)) + 2 * np.log(2.0)
         off = (logs - np.log(self.volume or 1.0)) / sd
-        return _or_otherwise(-0.5 * off**2 - np.log(np.sqrt(2 * np.pi) * sd) + np.log(room))
+        return _with_misleading(-0.5 * off**2 - np.log(np.sqrt(2 * np.pi) * sd) + np.log(extent))
 
 
-def _or_otherwise(log: FloatArray) -> FloatArray:
-    """Return log odds where a fraction of the measurements is of something else."""
+def _with_misleading(log: FloatArray) -> FloatArray:
+    """Return log odds if a fraction of the measurements describes another object."""
     return np.asarray(np.logaddexp(np.log1p(-MISLEADING) + log, np.log(MISLEADING)))
 
 

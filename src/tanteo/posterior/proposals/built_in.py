@@ -22,7 +22,7 @@ from tanteo.posterior.sampling.peaks import scores_of
 
 @final
 class KnownPoses(Proposer):
-    """Proposer of the poses that earlier stages of the race found, in the first round."""
+    """Proposer of the poses that earlier stages of candidate pruning found, in the first round."""
 
     name = "known"
 
@@ -85,7 +85,7 @@ class PosesOfOtherParts(Proposer):
     name = "other-parts"
 
     def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
-        """Propose the poses that the race passes on."""
+        """Propose the best poses of the leading other parts."""
         return InitialPoses.unproposed(state.others)
 
 
@@ -108,17 +108,24 @@ class HalfTurnsAndSlides(Proposer):
 
 
 def moved(prepared: PreparedPart, Ts: Transforms, rng: np.random.Generator, slides: int) -> Transforms:
-    """Return poses of the part turned in its place by half turns, and slid along its axes."""
+    """Return poses after half turns about axes through the part's middle, and after slides along its axes.
+
+    Args:
+        prepared: the part.
+        Ts: poses ``(S, 4, 4)``.
+        rng: generator of the slides.
+        slides: number of slides of each pose.
+    """
     return np.concatenate([rotated(prepared, Ts), translated(prepared, Ts, rng, slides)])
 
 
 def translated(prepared: PreparedPart, Ts: Transforms, rng: np.random.Generator, count: int) -> Transforms:
-    """Return so many slides of each pose along axes of the part, by up to half its length."""
+    """Return poses after random slides along axes of the part by up to half its length, ``count`` for each pose."""
     axes, size = _axes(prepared), np.ptp(prepared.part.box, axis=0)
     which = rng.integers(len(axes), size=(len(Ts), count))
-    ways = rng.uniform(-0.5, 0.5, size=which.shape) * (np.abs(axes) @ size)[which]
+    lengths = rng.uniform(-0.5, 0.5, size=which.shape) * (np.abs(axes) @ size)[which]
     slides = np.tile(np.eye(4), (*which.shape, 1, 1))
-    slides[..., :3, 3] = ways[..., None] * axes[which]
+    slides[..., :3, 3] = lengths[..., None] * axes[which]
     return np.ascontiguousarray((Ts[:, None] @ slides).reshape(-1, 4, 4))
 
 

@@ -1,8 +1,8 @@
 """Poses with three sensed centres on three axes of holes and bosses, or on centres of spheres and apexes.
 
-The centre of a hole may be at any height along its axis. So the distance of two centres has to be one between places of
-two axes. A sphere centre or an apex is an axis without length. Of many holes few triples fit, as few triples of faces
-fit three planes (``plane_votes.py``).
+The centre of a hole may be at any height along its axis. So the distance of two centres has to equal one between points
+on two axes. A sphere centre or an apex is an axis without length. Few triples of holes fit, as few triples of faces fit
+three planes (``plane_votes.py``).
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ class Axes:
 
     Attributes:
         ends: end points of each axis ``(N, 2, 3)`` [m].
-        sizes: least and largest radius [m] or half angle [rad] of each ``(N, 2)``.
+        sizes: least and largest radius [m], or half angle [rad], of each axis or centre ``(N, 2)``.
         sides: 1 for a hole, -1 for a boss ``(N,)``.
-        kinds: name in the core of the factor that measures each ``(N,)``.
+        kinds: name of the factor of the core that measures each axis or centre ``(N,)``.
     """
 
     def __init__(self, part: Part, settings: SearchSettings) -> None:
@@ -38,7 +38,7 @@ class Axes:
         ends, sizes, sides, kinds, numbers = [], [], [], [], set[int]()
         for cls, number, one in numbered_landmarks(part):
             if number in numbers:
-                continue  # the same axis, at all heights of the part
+                continue  # the axis of another wall
             numbers.add(number)
             middle, half = one.ends.mean(axis=0), 0.5 * (one.ends - one.ends.mean(axis=0))
             ends.append(middle + half if one.is_line else one.ends[[0, 0]])  # a line goes on beyond its wall
@@ -73,16 +73,16 @@ class Axes:
         )
 
     def allowed(self, points: ContactPoints) -> BoolArray:
-        """Return which axes each centre may be on, by kind, side and size ``(n, N)``."""
+        """Return whether each centre may be on each axis, by kind, material side and size ``(n, N)``."""
         size, sd, side = sensed_sizes(points)[..., None]
         gate = self.settings.gate * sd
         near = (size > self.sizes[:, 0] - gate) & (size < self.sizes[:, 1] + gate)
-        alike = np.array([factor.core for factor in points.factors])[:, None] == self.kinds
-        return np.asarray(alike & (side * self.sides >= 0) & ((size == 0) | near))
+        same_kind = np.array([factor.core for factor in points.factors])[:, None] == self.kinds
+        return np.asarray(same_kind & (side * self.sides >= 0) & ((size == 0) | near))
 
 
 def sensed_sizes(points: ContactPoints) -> FloatArray:
-    """Return sensed size, its standard deviation and material side of each ``(3, n)``; 0 where unknown."""
+    """Return the sensed size of each point, its standard deviation, and the material side ``(3, n)``; 0 if unknown."""
     sizes = [(0.0, 0.0) if f.sensed_size is None else (f.sensed_size.value, f.sensed_size.sd) for f in points.factors]
     return np.column_stack([np.array(sizes).reshape(-1, 2), [f.material_side for f in points.factors]]).T
 
@@ -196,5 +196,5 @@ def _refined(
     end = 2 * float(np.median(points.sd))
     count = max(4, int(np.ceil(np.log(max(deep / end, 1.0)) / (2 * axes.settings.scale_step))) + 1)
     scales = np.geomspace(max(deep, end), end, count)
-    refined, _, _ = _core.settle(prepared.shape, core, rows.astype(np.int32), scales, np.ascontiguousarray(Ts))
+    refined, *_ = _core.settle(prepared.shape, core, rows.astype(np.int32), scales, np.ascontiguousarray(Ts))
     return np.asarray(refined)

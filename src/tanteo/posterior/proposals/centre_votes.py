@@ -35,9 +35,9 @@ class SensedCentres:
         rows: place, axis or zero, sd of the place [m], sd of the axis [rad], radius [m] or half angle [rad] or 0, its
             sd, cost without an axis [nats], side, and kind of each centre ``(n, 13)``.
         planes: planes as the core compares them, numbered after the centres ``(k, 12)``.
-        seeds: tuples that fix poses; no centre or plane is in all of them ``(m, 3)``.
-        more: further tuples, so that no two centres or planes are in all.
-        certain: whether these tuples fix poses.
+        seeds: tuples that fix poses; no centre or plane is in every tuple ``(m, 3)``.
+        more: further tuples, so that no two centres or planes are in every tuple ``(q, 3)``.
+        certain: whether the tuples fix poses.
         settings: settings of the inference.
     """
 
@@ -67,7 +67,7 @@ class SensedCentres:
 
 
 def sensed_centres(problem: Problem, points: ContactPoints, planes: SensedPlanes) -> SensedCentres:
-    """Return the centres among the points, with their noise as large as it may be."""
+    """Return the sensed centres among the points, with the largest noise that is probable."""
     own = points.take(np.flatnonzero(points.centres))
     search = problem.settings.search
     own = own.take(spread_out(own.points, search.compared))
@@ -94,14 +94,14 @@ def sensed_centres(problem: Problem, points: ContactPoints, planes: SensedPlanes
 
 
 def _lonely(own: SearchSettings, planes: FloatArray) -> BoolArray:
-    """Return which planes are one sensed normal without a parallel one ``(k,)``; it may be of a curved face."""
+    """Return which planes are a single normal without a parallel one ``(k,)``; it may be on a curved face."""
     sines = np.linalg.norm(np.cross(planes[:, None, :3], planes[:, :3]), axis=-1)
     near = sines < own.gate * np.hypot(planes[:, None, 7], planes[:, 7]) + own.tilt_as_made
     return np.asarray((planes[:, 11] > 0) & (near.sum(axis=1) < 2))
 
 
 def _without_axis(problem: Problem, own: ContactPoints, factor: float) -> FloatArray:
-    """Return the cost of each centre if it is of no axis ``(n,)`` [nats]."""
+    """Return the cost of each centre if no axis of the part explains it ``(n,)`` [nats]."""
     rate, (sizes, size_sds, _) = problem.priors.outlier_rate, sensed_sizes(own)
     line = np.array([factor.codimension == 2 for factor in own.factors], dtype=bool)
     log_across = -0.5 * np.log(2 * np.pi) - np.log(factor * own.sd)
@@ -118,7 +118,7 @@ def _without_axis(problem: Problem, own: ContactPoints, factor: float) -> FloatA
 
 
 def lacking(sensed: SensedCentres, candidates: Candidates, rows: IntArray) -> FloatArray:
-    """Return the cost of some parts by the axes that each and each two centres need ``(m,)`` [nats]."""
+    """Return the cost of parts that lack axes for single centres or pairs of centres ``(m,)`` [nats]."""
     costs = np.zeros(len(rows))
     for start, table in candidates.tables:
         here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
@@ -131,7 +131,7 @@ def lacking(sensed: SensedCentres, candidates: Candidates, rows: IntArray) -> Fl
 def on_axes(
     sensed: SensedCentres, candidates: Candidates, rows: IntArray, costs: FloatArray, poses: dict[int, Transforms]
 ) -> None:
-    """Raise the costs of some parts by centres and planes together, and set poses of those that cost little.
+    """Raise the costs of parts by poses that fit centres and planes together, and store poses of cheap parts.
 
     Args:
         sensed: centres and planes.
@@ -151,7 +151,7 @@ def _by_seeds(
     sensed: SensedCentres, seeds: Indices, candidates: Candidates, rows: IntArray, costs: FloatArray,
     poses: dict[int, Transforms],
 ) -> None:  # fmt: skip
-    """Try poses on the parts that lack least, then on all that are not far behind what these cost."""
+    """Try poses on the cheapest parts, then on all parts within a margin of their cost."""
     known = costs.copy()
     some = known <= known.min(initial=sensed.settings.search.cost_limit) + 1.0
     lowest = _tried(sensed, seeds, candidates, rows, some, costs, poses)

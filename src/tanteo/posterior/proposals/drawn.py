@@ -29,7 +29,7 @@ class PointPairs(Proposer):
     name = "pairs"
 
     def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
-        """Propose from the next pairs of points of this round."""
+        """Propose poses from the pairs of points of this round."""
         objective, effort, pairs = state.objective, state.effort, state.pairs
         count = min(effort.pairs, len(pairs))
         places = effort.places * effort.pairs // max(count, 1)  # few points have few pairs
@@ -47,7 +47,7 @@ class PointPairs(Proposer):
 
 
 def far_pairs(points: ContactPoints, rows: Indices, count: int) -> Indices:
-    """Return pairs of points that are far apart ``(count, 2)``, no point in many of them: one outlier spoils few."""
+    """Return pairs of distant points ``(count, 2)``, no point in many pairs, so that one outlier spoils few."""
     p = points.points[rows]
     gaps = np.linalg.norm(p[:, None] - p, axis=-1)
     first, second = np.triu_indices(len(p), 1)
@@ -74,7 +74,7 @@ class PriorSamples(Proposer):
     name = "prior"
 
     def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
-        """Propose samples where something is known of the pose."""
+        """Propose samples of the pose prior; none without a prior pose."""
         objective, rng, own = state.objective, state.rng, problem.settings.search
         if not objective.named:
             return InitialPoses.none()
@@ -90,7 +90,7 @@ class PriorSamples(Proposer):
 
 
 def _refined_by_some(objective: Objective, Ts: Transforms, sources: IntArray, rng: np.random.Generator) -> InitialPoses:
-    """Settle poses on the surface by a random subset of the points."""
+    """Refine poses by a random subset of the points."""
     n, fraction = len(objective.rows), objective.problem.settings.search.omitted
     rows = np.sort(rng.choice(objective.rows, n - n // fraction if n >= fraction else n, replace=False))
     Ts, sources = replace(objective, rows=rows.astype(np.int32)).refine(Ts, sources, max(len(Ts), 1))
@@ -98,7 +98,7 @@ def _refined_by_some(objective: Objective, Ts: Transforms, sources: IntArray, rn
 
 
 def _best_of_prior(objective: Objective, count: int, rng: np.random.Generator) -> Transforms:
-    """Return those of many samples of a somewhat wider pose prior to which points are nearest, best first."""
+    """Return the samples of a widened pose prior at which the points are nearest to the surface, best first."""
     problem, prepared, own = objective.problem, objective.prepared, objective.problem.settings.search
     known = problem.mixture(prepared)
     if known is None:
@@ -113,7 +113,7 @@ def _best_of_prior(objective: Objective, count: int, rng: np.random.Generator) -
 
 
 def from_prior(problem: Problem, prepared: PreparedPart, count: int, rng: np.random.Generator) -> Transforms:
-    """Return the means and samples of the pose prior; nothing without one."""
+    """Return means and samples of the pose prior ``(K, 4, 4)``; empty without a prior pose."""
     known = problem.mixture(prepared)
     if known is None:
         return np.zeros((0, 4, 4))
@@ -124,14 +124,14 @@ def from_prior(problem: Problem, prepared: PreparedPart, count: int, rng: np.ran
 
 
 def along_ridge(objective: Objective, Ts: Transforms) -> Peaks:
-    """Return component bases along a ridge: settled poses, each with a small piece of the region of all.
+    """Return bases of components along a ridge of the posterior: refined poses, each with a small piece of the region.
 
     Few precise measurements leave a thin bent sheet of poses. The curvature at one maximum describes it only locally.
     Components at many places, each for a piece of its length, describe all of it.
 
     Args:
         objective: the part and the problem.
-        Ts: poses distributed as the ridge was before the last measurements ``(S, 4, 4)``.
+        Ts: samples of the ridge before the last measurements ``(S, 4, 4)``.
     """
     own = objective.problem.settings.search
     Ts, _ = objective.refine(Ts, np.zeros(len(Ts), dtype=np.int64), len(Ts))

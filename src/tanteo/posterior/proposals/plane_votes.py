@@ -22,16 +22,20 @@ from tanteo.posterior.settings import SearchSettings, Settings
 
 
 def cost_margin(settings: Settings) -> float:
-    """Return the cost behind the best part at which tables prune a part [nats]."""
+    """Return the cost gap to the best part at which tables prune a part [nats]."""
     return settings.search.negligible / settings.pruning.table_weight
 
 
 def on_planes(
     sensed: SensedPlanes, candidates: Candidates, rows: IntArray, far: float
 ) -> tuple[FloatArray, dict[int, Transforms]]:
-    """Return the cost of the planes on each part ``(m,)`` [nats], and poses of parts that cost little, by row.
+    """Return the cost of each part by its planes ``(m,)`` [nats], and poses of cheap parts by row.
 
-    Parts beyond this gap have at least this cost.
+    Args:
+        sensed: sensed planes.
+        candidates: all parts.
+        rows: rows of the parts ``(m,)``.
+        far: cost gap to the best part up to which poses are tried [nats]; the cost of a part beyond is a lower bound.
     """
     lacking, poses = voted(sensed, candidates, rows), dict[int, Transforms]()
     costs = _by_poses(_Faces(candidates.tables, rows, far, sensed.settings.kept), sensed, lacking, poses)
@@ -39,7 +43,7 @@ def on_planes(
 
 
 def plane_poses(sensed: SensedPlanes, prepared: PreparedPart, settings: Settings) -> Transforms:
-    """Return poses of one part with the planes on its faces ``(S, 4, 4)``; none where they leave a motion free."""
+    """Return poses of one part with the planes on its faces ``(S, 4, 4)``; empty if they leave a motion free."""
     poses = dict[int, Transforms]()
     if len(sensed.triples) and sensed.triples[2] >= 0:
         faces = _Faces(
@@ -56,7 +60,7 @@ class _Faces:
     Attributes:
         tables: first row and arrays of each table of parts.
         rows: rows of the parts ``(m,)``.
-        far: cost gap behind the best part at which poses are dropped [nats].
+        far: cost gap to the best part at which poses are dropped [nats].
         keep: number of poses of each part.
     """
 
@@ -67,7 +71,7 @@ class _Faces:
 
 
 def _by_poses(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, poses: dict[int, Transforms]) -> FloatArray:
-    """Return the costs of parts by poses, of other triples where the first lead to nothing; votes bound them."""
+    """Return the costs of parts by poses of triples; further triples are tried if the first fit no part."""
     costs, more = _by_triples(faces, sensed.first, lacking, poses), sensed.more
     if costs.min(initial=sensed.settings.cost_limit) > sensed.doubtful and len(more.triples) + len(more.walls):
         costs = np.minimum(costs, _by_triples(faces, more, lacking, poses))
@@ -123,12 +127,12 @@ def _tried(
 
 
 def votes(sensed: SensedPlanes, table: Mapping[str, Any]) -> FloatArray:
-    """Return costs by pairs alone ``(n,)``: of the planes that have to be of no face, each counted once."""
+    """Return costs by pairs alone ``(n,)`` [nats]: a pair that no two faces match costs one plane, each plane once."""
     n, k = len(table["numbers"]), len(sensed.rows)
     share = np.asarray(table["numbers"])[:, 16]
     loose = np.where(share > 0, sensed.settings.curved_face_cost - np.log(np.maximum(share, 1e-300)), np.inf)
     costs, used = np.zeros(n), np.zeros((n, k), dtype=bool)
-    loose = np.where(np.diff(np.asarray(table["rounds_start"])) > 0, 0.0, loose)  # or it is of a cylinder
+    loose = np.where(np.diff(np.asarray(table["rounds_start"])) > 0, 0.0, loose)  # or it is on a cylinder
     most = [np.minimum(row[9], loose) if row[11] > 0 else np.full(n, row[9]) for row in sensed.rows]
     for i, j in combinations(range(k), 2):
         has = _having(sensed.settings, sensed.rows[i], sensed.rows[j], table, n)
@@ -153,7 +157,7 @@ def _having(
     for one in angles:
         found.append(_between(table, "angles", one - within, one + within))
         if one < within and abs(_height(own, first, second)[0]) < _height(own, first, second)[1]:
-            return None  # both may be of one face
+            return None  # both may be on one face
         if one < within:
             found.append(_distances(own, table, "same", first, second, signed=False))
         if one > np.pi - within:
@@ -166,11 +170,11 @@ def _having(
 
 def _height(own: SearchSettings, first: FloatArray, second: FloatArray) -> tuple[float, float]:
     """Return the distance of two parallel planes and its tolerance [m]."""
-    way = second[3:6] - first[3:6]
+    offset = second[3:6] - first[3:6]
     normal = first[:3] + (1.0 if first[:3] @ second[:3] > 0 else -1.0) * second[:3]
     normal /= np.linalg.norm(normal)
-    height = float(way @ normal)
-    lever = float(np.linalg.norm(way - height * normal))
+    height = float(offset @ normal)
+    lever = float(np.linalg.norm(offset - height * normal))
     tilt = float(np.hypot(first[7], second[7])) / 2
     return height, own.gate * float(np.sqrt(first[6] ** 2 + second[6] ** 2 + (lever * tilt) ** 2)) + own.as_made
 
@@ -187,7 +191,7 @@ def _distances(
 
 
 def _between(table: Mapping[str, Any], name: str, low: float, high: float) -> np.ndarray:
-    """Return the rows of parts of a sorted column between two numbers."""
+    """Return the rows of parts with values between two numbers in a sorted column."""
     keys = table[f"{name}_key"]
     a, b = np.searchsorted(keys, [low, high])
     return np.asarray(table[f"{name}_row"][a:b])

@@ -1,7 +1,7 @@
 """Seeds: few sensed centres and planes that fix a pose.
 
 A seed has three centres, two centres and a plane, one centre and two planes, or two with a sensed axis. There are
-several seeds, so that one of them is right although any one reading, or any two, are wrong.
+several seeds, so that at least one is right if any one reading, or any two, are wrong.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ class Seeds:
         self.reach = float(np.linalg.norm(np.ptp(at, axis=0))) if len(at) else 0.0
 
     def chosen(self) -> tuple[Indices, Indices, bool]:
-        """Return seeds of which no item is in all, further seeds so that no two are, and whether these fix a pose.
+        """Return seeds without a common item, further seeds without two common items, and whether they fix a pose.
 
-        If none fixes a pose, two centres and a plane still discriminate parts: the unobserved direction moves none
-        of them.
+        If none fixes a pose, two centres and a plane still discriminate parts, because a motion along the unobserved
+        direction changes none of their distances.
         """
         known = sorted((error, seed) for seed in self._all() if (error := self._error(seed)) is not None)
         seeds = [seed for _, seed in known]
@@ -47,46 +47,47 @@ class Seeds:
 
     def _error(self, seed: tuple[int, ...]) -> float | None:
         """Return the approximate error of the pose at the farthest reading [m]; None if a seed fixes none."""
-        held = [k for k in seed if k < self.count]
-        ways = [(plane[:3], plane[7]) for plane in (self.planes[k - self.count] for k in seed if k >= self.count)]
-        if len(held) == 3:
-            return self._of_three(held)
+        centres = [k for k in seed if k < self.count]
+        directions = [(plane[:3], plane[7]) for plane in (self.planes[k - self.count] for k in seed if k >= self.count)]
+        if len(centres) == 3:
+            return self._of_three(centres)
         if len(seed) == 2:  # the axis of a centre instead of a plane
-            ways += [(self.rows[k, 3:6], self.rows[k, 7]) for k in held if np.any(self.rows[k, 3:6])][:1]
-        if len(held) == 2 and len(ways) == 1:
-            return self._of_two(held, *ways[0])
-        if len(ways) < 2:
+            directions += [(self.rows[k, 3:6], self.rows[k, 7]) for k in centres if np.any(self.rows[k, 3:6])][:1]
+        if len(centres) == 2 and len(directions) == 1:
+            return self._of_two(centres, *directions[0])
+        if len(directions) < 2:
             return None
-        size, tilt = float(np.linalg.norm(np.cross(ways[0][0], ways[1][0]))), max(tilt for _, tilt in ways)
+        size = float(np.linalg.norm(np.cross(directions[0][0], directions[1][0])))
+        tilt = max(tilt for _, tilt in directions)
         return (
             float(self.reach * tilt / size)
             if size > max(self.settings.independent, self.settings.gate * tilt)
             else None
         )
 
-    def _of_three(self, held: list[int]) -> float | None:
+    def _of_three(self, centres: list[int]) -> float | None:
         """Return the error of three centres; their heights along the axes are unknown, so tilts are inaccurate."""
-        a, b, c = self.rows[held, :3]
+        a, b, c = self.rows[centres, :3]
         longest = max(float(np.linalg.norm(x)) for x in (b - a, c - a, c - b))
         height = float(np.linalg.norm(np.cross(b - a, c - a))) / max(longest, 1e-12)
         return (
-            self.settings.gate * self.reach * float(self.rows[held, 6].max()) / height
+            self.settings.gate * self.reach * float(self.rows[centres, 6].max()) / height
             if height > self.settings.off_line * longest
             else None
         )
 
-    def _of_two(self, held: list[int], way: FloatArray, tilt: float) -> float | None:
-        off = self.rows[held[1], :3] - self.rows[held[0], :3]
-        across = float(np.linalg.norm(off - (off @ way) * way))
+    def _of_two(self, centres: list[int], direction: FloatArray, tilt: float) -> float | None:
+        off = self.rows[centres[1], :3] - self.rows[centres[0], :3]
+        across = float(np.linalg.norm(off - (off @ direction) * direction))
         if across <= max(self.settings.off_line, self.settings.gate * tilt) * float(np.linalg.norm(off)):
             return None
-        return self.reach * max(tilt, float(np.linalg.norm(self.rows[held, 6])) / across)
+        return self.reach * max(tilt, float(np.linalg.norm(self.rows[centres, 6])) / across)
 
 
 def _covering(
     seeds: list[tuple[int, ...]], known: list[tuple[int, ...]], wrong: int, most: int
 ) -> list[tuple[int, ...]]:
-    """Return the best seeds of which one is right although a number of items is wrong."""
+    """Return the best seeds such that at least one is right if ``wrong`` items are wrong."""
     items = sorted({k for seed in seeds for k in seed})
     spoiled = [set(some) for some in combinations(items, wrong) if all(set(some) & set(seed) for seed in known)]
     chosen = list[tuple[int, ...]]() if known else seeds[:1]

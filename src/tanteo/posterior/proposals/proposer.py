@@ -21,7 +21,7 @@ BITS = 60
 of them found counts as surely found, so that more bits change no count that matters."""
 
 EXHAUSTIVE = (1 << BITS) - 1
-"""Sources of poses that are all that the measurements allow: every source, so that their maximum is surely found."""
+"""Sources of exhaustive poses: every bit, so that their maxima count as surely found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,27 +57,27 @@ class InitialPoses:
 
     @classmethod
     def none(cls) -> InitialPoses:
-        """Propose nothing."""
+        """Return no poses."""
         return cls(np.zeros((0, 4, 4)), np.zeros(0, dtype=np.int64))
 
     @classmethod
     def unproposed(cls, Ts: Transforms) -> InitialPoses:
-        """Return poses that no measurement proposed: what they lead to still has to be found."""
+        """Return poses that no measurement proposed; a maximum that they lead to does not count as found."""
         return cls(Ts, np.zeros(len(Ts), dtype=np.int64))
 
     @classmethod
     def exhaustive(cls, Ts: Transforms) -> InitialPoses:
-        """Return settled poses that are all that measurements allow."""
+        """Return refined poses that are all poses which the measurements allow."""
         return cls.refined_poses(Ts, np.full(len(Ts), EXHAUSTIVE, dtype=np.int64))
 
     @classmethod
     def refined_poses(cls, Ts: Transforms, sources: IntArray) -> InitialPoses:
-        """Return poses that are within the noise of a maximum."""
+        """Return poses that are within the noise of a maximum, with the sources that led to each."""
         return cls(Ts, sources, np.ones(len(Ts), dtype=bool))
 
     @classmethod
     def joined(cls, each: Sequence[InitialPoses]) -> InitialPoses:
-        """Return the poses of several; as many are kept as of the first."""
+        """Return the poses of several sets as one; ``keep`` is that of the first set."""
         Ts, sources, refined = ([getattr(one, name) for one in each] for name in ("Ts", "sources", "refined"))
         return cls(np.concatenate(Ts), np.concatenate(sources), np.concatenate(refined), each[0].keep)
 
@@ -93,8 +93,8 @@ class SearchState:
         rng: generator of all draws.
         pairs: pairs of points that are far apart ``(K, 2)``.
         planes: planes from labels and sensed normals.
-        known: poses that earlier stages of the race or an image found; None without.
-        exhaustive: whether these are all poses that the measurements allow.
+        known: poses that earlier stages of candidate pruning or an image found; None if there are none.
+        exhaustive: whether the known poses are all poses that the measurements allow.
         others: best poses of leading other parts ``(S, 4, 4)``.
         best: maxima so far, best first.
         is_doubtful: function that returns whether the best maximum has more outliers than expected.

@@ -22,5 +22,5 @@ PROPOSERS: Registry[Proposer] = Registry("tanteo.proposals", Proposer, {one.name
 
 
 def proposers() -> tuple[Proposer, ...]:
-    """Return all proposers in the order of their turns; moves beside the best maxima come last."""
+    """Return all proposers in the order of a round; half turns and slides of the best maxima come last."""
     return (*_FIRST, *(one for one in PROPOSERS.entries() if one.name not in PROPOSERS.builtin), _LAST)

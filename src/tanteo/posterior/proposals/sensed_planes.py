@@ -83,7 +83,7 @@ class SensedPlanes:
             known, and whether it is a single point, which may be on a curved face ``(k, 12)``.
         triples: triples of planes that fix a pose, or pairs and -1 ``(3 m,)``.
         walls: a plane, and two points that may be on the walls of two cylinders across it ``(3 w,)``.
-        certain: whether some triple fixes a pose even if each normal without a parallel one is of a curved face.
+        certain: whether some triple fixes a pose even if each normal without a parallel one is on a curved face.
         settings: settings of the search.
     """
 
@@ -126,7 +126,7 @@ class SensedPlanes:
 
 
 def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
-    """Return the planes that labels and normals show, with their noise as large as it may be."""
+    """Return the planes of labels and sensed normals, with the largest noise that is probable."""
     own = problem.settings.search
     planes = labelled_planes(points, own)
     factor = float(np.exp(own.noise_fraction * problem.scale_sd))
@@ -152,7 +152,7 @@ def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
         ]
     )
     near = _parallel(own, normals, planes.tilts[some])
-    lonely = alone & (near.sum(axis=1) < 2)  # they may be of a curved face
+    lonely = alone & (near.sum(axis=1) < 2)  # they may be on a curved face
     triples = _triples(own, normals, planes.tilts[some], lonely, near)
     doubtful = lonely[triples.reshape(-1, 3)].sum(axis=1) > (triples[2::3] >= 0)
     walls = _walls(own, normals, at, planes.tilts[some], alone, near)
@@ -160,7 +160,7 @@ def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
 
 
 def _without_face(problem: Problem, points: ContactPoints, planes: Planes, factor: float) -> FloatArray:
-    """Return the cost of each plane if it is of no face ``(k,)`` [nats].
+    """Return the cost of each plane if no face of the part explains it ``(k,)`` [nats].
 
     The cost is approximate: for an undirected point on the surface it assumes a density of 1 / m^2.
     """
@@ -197,9 +197,9 @@ def _walls(
 def _triples(
     own: SearchSettings, normals: FloatArray, tilts: FloatArray, lonely: BoolArray, near: BoolArray
 ) -> Indices:
-    """Return triples of planes that fix a pose, most accurate first; each starts with the line of most planes.
+    """Return triples of planes that fix a pose, most accurate first; each starts with the direction of most planes.
 
-    Planes that may be of a curved face come last. If all normals lie in one plane, the third index is -1, and poses
+    Planes that may be on a curved face come last. If all normals lie in one plane, the third index is -1, and poses
     slide along the free direction.
     """
     if not len(normals):

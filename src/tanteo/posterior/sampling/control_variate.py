@@ -30,7 +30,7 @@ class ControlVariate:
 
     @classmethod
     def alone(cls, weights: FloatArray, settings: SampleSettings = DEFAULTS.samples) -> ControlVariate:
-        """Return samples without a normal density to compare them with."""
+        """Return the weights without a control variate."""
         return cls(weights, np.zeros(len(weights)), 0.0, np.ones(len(weights)), settings)
 
     @property
@@ -52,7 +52,7 @@ class ControlVariate:
 
     @property
     def is_normal(self) -> bool:
-        """Whether the weights are nearly those of a normal density, as far as they tell."""
+        """Return whether the weights are nearly those of a normal density, and suffice to decide it."""
         squares = float(self.weights @ self.weights)
-        told = squares > 0 and self.weights.sum() ** 2 >= self.settings.shape * squares
-        return told and float(self.rest @ self.rest) < self.settings.min_fraction * squares
+        enough = squares > 0 and self.weights.sum() ** 2 >= self.settings.shape * squares
+        return enough and float(self.rest @ self.rest) < self.settings.min_fraction * squares

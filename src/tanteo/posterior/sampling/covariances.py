@@ -13,7 +13,7 @@ from tanteo.posterior.fit_at_mode import GoodnessOfFit
 
 
 def mode_covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | None]:
-    """Return the covariance of the pose, uniform along free directions, and the same given the shared errors."""
+    """Return the covariance of the pose ``(6, 6)``, uniform along free motions, and that given the shared errors."""
     mode, part = one.mode, one.mode.prepared.part
     scale = part_scale(part)
     whole = without_symmetry(part, pose_information(mode.information))
@@ -24,8 +24,8 @@ def mode_covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | Non
     if len(one.free) > len(symmetry_motions(part)):
         return covariance, _with_free(None, known, one.free, scale)
     if len(weak_motions(whole, scale, fixed=symmetry_motions(part))) > len(one.free):
-        return covariance, covariance  # only samples know it, and they do not part the two
-    # by how much the samples differ from the curvature is of the pose, whether the shared errors are known or not
+        return covariance, covariance  # only the samples constrain it, and they do not separate pose and shared errors
+    # the samples correct the curvature by the same factor, whether the shared errors are known or not
     curved = _with_free(None, whole, one.free, scale)
     given = _with_free(None, known, one.free, scale)
     return covariance, given * min(_times(curved, covariance), _times(given, covariance))
@@ -69,13 +69,13 @@ def common_tolerance(points: ContactPoints, one: GoodnessOfFit) -> tuple[Covaria
     J = np.pad(J, ((0, 0), (0, len(mode.information) - J.shape[1])))
     weighted = J * (w * points.tolerance * per_sd**2)[:, None]
     rows = one.free @ np.linalg.inv(part_scale(part))
-    held = np.array(mode.information)
-    held[:6, :6] += 1e9 * np.abs(held).max() * rows.T @ rows
+    constrained = np.array(mode.information)
+    constrained[:6, :6] += 1e9 * np.abs(constrained).max() * rows.T @ rows
     extra = -weighted.T @ weighted
     for face in np.unique(at.faces[0]):
         together = weighted[at.faces[0] == face].sum(axis=0)
         extra = extra + np.outer(together, together)
-    shared_jacobian = (_inverse(A) for A in (held, held[:6, :6]))
+    shared_jacobian = (_inverse(A) for A in (constrained, constrained[:6, :6]))
     return _gained(next(shared_jacobian)[:6], extra), _gained(next(shared_jacobian), extra[:6, :6])
 
 

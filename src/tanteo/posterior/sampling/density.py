@@ -11,7 +11,7 @@ from tanteo.geometry.limits import LARGEST
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.posterior.answers.pose_prior import in_box
 from tanteo.posterior.sampling.peaks import Objective
-from tanteo.posterior.symmetry import is_held, log_gauge
+from tanteo.posterior.symmetry import is_gauge_fixed, log_gauge
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,7 +22,7 @@ class Density:
         objective: the part and the problem.
         T: the best maximum, relative to which the turn of a part of revolution is fixed ``(4, 4)``.
         log_constant: log of the constant factors of the prior, symmetric poses included.
-        log_untouched: log density of poses at which no point is on the part.
+        log_untouched: log density of the points if none is on the part.
     """
 
     objective: Objective
@@ -32,7 +32,7 @@ class Density:
 
     @classmethod
     def about(cls, objective: Objective, T: Transforms, log_constant: float) -> Density:
-        """Return the density about a maximum."""
+        """Return the density of a part, relative to its best maximum."""
         untouched = -np.inf
         if len(objective.problem.points):
             far = np.eye(4)
@@ -45,10 +45,10 @@ class Density:
         """Return log densities at poses ``(N,)``, and the other states there ``(N, D)``."""
         objective, prepared = self.objective, self.objective.prepared
         log, zs = _core.marginals(prepared.shape, objective.core, Ts, np.ascontiguousarray(zs))
-        # without that no point is of the part, which is as dense wherever the part may be
+        # subtract the density with no point on the part, which is equal at all poses
         log = log + np.log(np.maximum(-np.expm1(np.minimum(self.log_untouched - log, 0.0)), 1e-300))
         log += self.log_constant
-        if is_held(prepared, named=objective.named):
+        if is_gauge_fixed(prepared, named=objective.named):
             log += log_gauge(prepared, Ts, self.T)
         if (pose := objective.problem.priors.pose) is not None:
             log[~in_box(pose, prepared.part, Ts)] = -np.inf

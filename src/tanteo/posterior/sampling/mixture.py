@@ -27,7 +27,7 @@ class Mixture:
     _components: list[tuple[int, FloatArray, Covariances, int]] = field(init=False, default_factory=list)
 
     def add(self, k: int, mean: FloatArray, covariance: Covariances, count: int) -> None:
-        """Remember what is drawn about maximum ``k``: more of the same component is one of larger weight."""
+        """Record the samples drawn from a component about maximum ``k``; equal components are merged."""
         for row, (owner, m, C, drawn) in enumerate(self._components):
             if owner == k and np.array_equal(m, mean) and np.array_equal(C, covariance):
                 self._components[row] = k, m, C, drawn + count
@@ -42,9 +42,13 @@ class Mixture:
         return counts
 
     def log_density(self, bases: Transforms, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
-        """Return log densities at poses ``(N, 4, 4)``, and the fraction of each maximum ``(m, 4, 4)`` in them.
+        """Return the log density of the mixture at poses ``(N,)``, and the fraction of each maximum in it ``(N, m)``.
 
         Symmetric poses are equal: a pose may have been drawn as any of its images.
+
+        Args:
+            bases: poses of the maxima ``(m, 4, 4)``.
+            Ts: poses at which the density is evaluated ``(N, 4, 4)``.
         """
         components = sorted(self._components, key=lambda c: c[0])
         owners = np.array([c[0] for c in components], dtype=np.int32)

@@ -38,7 +38,7 @@ class Mode:
         Ts: samples ``(N, 4, 4)``; the maximum alone if the mode was too improbable for sampling.
         weights: weights of the samples, which sum to one ``(N,)``.
         ess: effective sample size of the covariance.
-        normal: whether the region is normal with the curvature of its maximum.
+        normal: whether the density of the region is normal with the curvature of its maximum.
         maxima: number of maxima in the region.
     """
 
@@ -76,7 +76,7 @@ def modes_of(sampler: Sampler) -> list[Mode]:
     together |= inside & sampled & sampled[:, None]
     together |= _in_one_valley(sampler, np.flatnonzero(sampled))
     out = [_mode(sampler, rows, W) for rows in _groups(together) if sampled[rows].any()]
-    apart = ~sampled & ~inside[sampled].any(axis=0)  # what lies in a sampled region is of its samples
+    apart = ~sampled & ~inside[sampled].any(axis=0)  # maxima in a sampled region are part of that mode
     return out + [_by_curvature(sampler, int(k)) for k in np.flatnonzero(apart)]
 
 
@@ -153,8 +153,8 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
         T = T_peak @ SE3.exp(mean)
         xi = SE3.log(SE3.inverse(T) @ Ts)
     expected = region.expected * (curved + np.outer(mean, mean))
-    told = ((rest[:, None] * xi).T @ xi + expected) / region.mass
-    covariance = covariance_of_samples(told, curved, region.ess, sampler.settings.min_fraction)
+    empirical = ((rest[:, None] * xi).T @ xi + expected) / region.mass
+    covariance = covariance_of_samples(empirical, curved, region.ess, sampler.settings.min_fraction)
     if not region.is_normal or objective.problem.scale_sd > 0:
         covariance = covariance * beyond_normal(xi, w, covariance)
     return Mode(
@@ -164,7 +164,7 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     )  # fmt: skip
 
 
-def covariance_of_samples(told: Covariances, curved: Covariances, ess: float, least: float) -> Covariances:
+def covariance_of_samples(empirical: Covariances, curved: Covariances, ess: float, least: float) -> Covariances:
     """Return a covariance from that of the samples and that of the curvature at the maximum.
 
     Few samples miss some of six directions. On average the inverse of their covariance is too large, so regions of a
@@ -172,7 +172,7 @@ def covariance_of_samples(told: Covariances, curved: Covariances, ess: float, le
     """
     trust = ess / (ess + POSE_DOF)
     L = roots(curved[None])[0]
-    whitened = np.linalg.solve(L, np.linalg.solve(L, told).T)
+    whitened = np.linalg.solve(L, np.linalg.solve(L, empirical).T)
     values, vectors = np.linalg.eigh(trust * whitened + (1 - trust) * np.eye(6))
     out = L @ (vectors * values.clip(least)) @ vectors.T @ L.T
     return np.asarray(out * (1 + (POSE_DOF + 2) / max(ess - POSE_DOF - 2, POSE_DOF + 2)), dtype=np.float64)

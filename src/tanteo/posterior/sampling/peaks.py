@@ -11,7 +11,7 @@ from tanteo.factors import ContactPoints
 from tanteo.geometry.typing import FloatArray, Indices, IntArray, Transforms, Vectors
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
-from tanteo.posterior.symmetry import folded, gauge_information, is_held
+from tanteo.posterior.symmetry import folded, gauge_information, is_gauge_fixed
 
 
 def pair_tilt(problem: Problem) -> float:
@@ -37,7 +37,7 @@ class Scales:
 def scales_for(problem: Problem, prepared: PreparedPart) -> Scales:
     """Return the length scales of the search for one part."""
     points, own = problem.points, problem.settings.search
-    if not len(points):  # free-space rays alone: nothing settles
+    if not len(points):  # free-space rays alone: nothing to refine
         return Scales(prepared.spacing, np.array([prepared.spacing]), np.zeros(0))
     sd = float(np.median(points.sd))
     shared = (
@@ -101,7 +101,7 @@ class Peaks:
         logs: log densities ``(S,)``.
         information: information on the pose about the centre and on the other states ``(S, 6 + D, 6 + D)``.
         evidence: log of the integral about each maximum by its curvature ``(S,)``.
-        groups: sources that led to each maximum, one bit each ``(S,)``.
+        groups: independent sources that led to each maximum, one bit each ``(S,)``.
     """
 
     Ts: Transforms
@@ -116,7 +116,7 @@ class Peaks:
 
     @property
     def times(self) -> IntArray:
-        """Return the number of sources that led to each ``(S,)``."""
+        """Return the number of sources that led to each maximum ``(S,)``."""
         return np.bitwise_count(self.groups).astype(np.int64)
 
     def take(self, rows: IntArray) -> Peaks:
@@ -124,7 +124,7 @@ class Peaks:
         return Peaks(*(getattr(self, name)[rows] for name in self.__slots__))
 
     def join(self, other: Peaks) -> Peaks:
-        """Return both, one after the other."""
+        """Return these maxima followed by the other ones."""
         pairs = ((getattr(self, name), getattr(other, name)) for name in self.__slots__)
         return Peaks(*(np.concatenate(pair) for pair in pairs))
 
@@ -163,15 +163,21 @@ class Objective:
 
     @property
     def named(self) -> bool:
-        """Whether a prior names one of several symmetric poses."""
+        """Return whether a prior pose selects one of several symmetric poses."""
         return self.problem.mixture(self.prepared) is not None
 
     def refine(self, Ts: Transforms, groups: IntArray, keep: int) -> tuple[Transforms, IntArray]:
-        """Move poses onto the surface and keep the best that differ, with the groups that led to each."""
+        """Refine poses on the surface, and return the best distinct ones with the sources that led to each.
+
+        Args:
+            Ts: poses ``(S, 4, 4)``.
+            groups: sources of each pose, one bit each ``(S,)``.
+            keep: largest number of poses that are returned.
+        """
         if not len(Ts):
             return Ts, groups
         shape, end = self.prepared.shape, float(self.scales.refine[-1])
-        Ts, costs, rows = _core.settle(shape, self.core, self.rows, self.scales.refine, np.ascontiguousarray(Ts))
+        Ts, costs, rows, *_ = _core.settle(shape, self.core, self.rows, self.scales.refine, np.ascontiguousarray(Ts))
         order, groups = np.argsort(costs, kind="stable"), groups[rows]
         near = np.r_[np.full(3, end**-2.0), np.full(3, (end / (0.25 * shape.diagonal)) ** -2.0)]
         Ts = np.ascontiguousarray(Ts[order])
@@ -182,7 +188,14 @@ class Objective:
     def maximize(
         self, Ts: Transforms, zs: FloatArray | None = None, groups: IntArray | None = None, *, fine: bool = False
     ) -> Peaks:
-        """Return the maxima that poses lead to, each once; with ``fine`` without blurred noise first."""
+        """Return the distinct maxima to which initial poses lead.
+
+        Args:
+            Ts: initial poses ``(S, 4, 4)``.
+            zs: other states at these poses ``(S, D)``; None for zero.
+            groups: sources of each pose, one bit each ``(S,)``; None for no source.
+            fine: whether to omit the first maximizations with added noise, for poses near a maximum.
+        """
         D, own = self.problem.states, self.problem.settings.search
         if not len(Ts):
             return Peaks.none(D)
@@ -202,7 +215,7 @@ class Objective:
         size = 0.25 * self.prepared.part.diagonal
         out[..., range(3), range(3)] += size**-2.0
         out[..., range(3, 6), range(3, 6)] += 0.6**-2.0
-        if is_held(self.prepared, named=self.named):
+        if is_gauge_fixed(self.prepared, named=self.named):
             out[..., :6, :6] += gauge_information(self.prepared)
         diagonal = np.arange(out.shape[-1])
         out[..., diagonal, diagonal] *= 1 + _ROUNDING
@@ -217,7 +230,7 @@ class Objective:
         return np.asarray(full[..., :6, :6] - cross @ np.linalg.solve(full[..., 6:, 6:], np.swapaxes(cross, -1, -2)))
 
     def distinct(self, peaks: Peaks, count: int = 10**6) -> Peaks:
-        """Return maxima without those near a better one, best first, with the sources of both."""
+        """Return the best ``count`` distinct maxima, best first; equal maxima unite their sources."""
         if not len(peaks):
             return peaks
         order = np.argsort(-peaks.evidence, kind="stable")
@@ -233,7 +246,7 @@ class Objective:
     def _folded(self, peaks: Peaks) -> Peaks:
         """Return poses as the symmetric images nearest to the first, or to the prior pose."""
         symmetry = self.prepared.part.symmetry
-        if symmetry.order == 1 and not is_held(self.prepared, named=self.named):
+        if symmetry.order == 1 and not is_gauge_fixed(self.prepared, named=self.named):
             return replace(peaks, Ts=np.ascontiguousarray(peaks.Ts))
         known = self.problem.mixture(self.prepared)
         reference = peaks.Ts[:1] if known is None else known.Ts[:1]
@@ -261,7 +274,7 @@ class Objective:
         return replace(peaks, groups=groups).take(np.flatnonzero(alone))
 
     def unlike(self, new: Peaks, known: Peaks) -> Peaks:
-        """Return the new maxima that differ from the known ones."""
+        """Return the maxima of ``new`` that differ from all of ``known``."""
         if not len(new):
             return new
         Ts = folded(self.prepared, new.Ts, known.Ts, named=self.named)
@@ -271,7 +284,7 @@ class Objective:
         return new.take(np.flatnonzero(gaps.min(axis=0) > self.same))
 
     def merged(self, old: Peaks, new: Peaks, count: int) -> Peaks:
-        """Return both sets of maxima without duplicates, with the sources of both."""
+        """Return the best ``count`` distinct maxima of both sets, with the sources of both."""
         return self.distinct(old.join(new), count)
 
 

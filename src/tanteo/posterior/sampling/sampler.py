@@ -35,8 +35,17 @@ class Sampler:
         rng: generator of all draws.
         log_constant: log of the constant factors of the prior, symmetric poses included.
         along: poses on a ridge that are no maxima, for components if the maxima are not normal; None without.
-        trusted: whether the curvature gives the widths of first components: if no end of a face is expected within
-            them.
+        trusted: whether the curvature alone sets the widths of first components, if no face ends within them.
+        density: target density.
+        Ts: samples ``(N, 4, 4)``.
+        zs: other states at the samples ``(N, D)``.
+        log_target: log of the target density at the samples ``(N,)``.
+        log_weights: log of the importance weights ``(N,)``.
+        log_density: log of the mixture density at the samples ``(N,)``.
+        shares: fraction of each maximum in the mixture density at the samples ``(N, m)``.
+        means: means of the components, as motions from their maxima ``(m, 6)`` [m, rad].
+        covariances: covariances of the components ``(m, 6, 6)`` [m, rad].
+        local: whether each component is a piece of a ridge ``(m,)``.
     """
 
     objective: Objective
@@ -110,7 +119,7 @@ class Sampler:
         self.sample(count * self.local)
 
     def unexplained(self) -> Transforms:
-        """Return samples with the weight of a maximum, where the mixture has no component yet."""
+        """Return samples of so large a weight that the mixture lacks a component there ``(K, 4, 4)``."""
         if not np.isfinite(self.log_weights.max()):
             return self.Ts[:0]
         w = np.exp(self.log_weights - self.log_weights.max())
@@ -138,7 +147,7 @@ class Sampler:
         self._weigh()
 
     def _fit_widths(self, which: IntArray) -> None:
-        """Narrow first components where the density falls faster than its curvature says."""
+        """Narrow first components along axes on which the density falls faster than its curvature implies."""
         self._fitted[which], own = True, self.objective.problem.settings
         if not len(which):
             return
@@ -165,7 +174,12 @@ class Sampler:
         self.log_density = np.where(np.isfinite(log_q), log_q, np.inf)
 
     def adapt(self, which: IntArray, top: float) -> None:
-        """Move components onto the weighed samples of their maximum; weights are over ``exp(top)``."""
+        """Fit components to the weighted samples of their maxima.
+
+        Args:
+            which: indices of the components.
+            top: log of the unit of the weights.
+        """
         w = np.exp(self.log_weights - top)
         centre = self.objective.prepared.shape.centre
         for k in which:
@@ -222,7 +236,7 @@ class Sampler:
             return np.log(sums) + top, ess
 
     def is_normal(self, k: int) -> bool:
-        """Whether the region of a maximum is nearly normal, as its curvature says, as far as its samples tell."""
+        """Return whether the region of a maximum is nearly normal, and its samples suffice to decide it."""
         top = max(float(self.log_weights.max()), np.finfo(np.float64).min)
         return self.control_variate(k, np.exp(self.log_weights - top) * self.shares[:, k]).is_normal
 

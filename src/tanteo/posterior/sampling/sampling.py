@@ -13,7 +13,12 @@ from tanteo.posterior.settings import POSE_DOF
 
 
 def sample(samplers: Sequence[Sampler], log_none: float) -> None:
-    """Draw samples in rounds until every important mode has enough."""
+    """Draw samples in rounds until every important mode has enough.
+
+    Args:
+        samplers: samplers of the parts.
+        log_none: log-evidence of the unknown object, its prior included.
+    """
     total = float(log_sum([log_none, *(float(log_sum(s.peaks.evidence)) + s.log_constant for s in samplers)]))
     wants = [_first(s, s.peaks.evidence + s.log_constant - total) for s in samplers]
     rounds = samplers[0].settings.rounds if samplers else 0
@@ -22,7 +27,7 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
         for sampler, want in zip(samplers, wants, strict=True):
             sampler.sample(want)
         before, count = count, sum(len(s.peaks) for s in samplers)
-        if k == rounds or (k == rounds - 1 and count == before):  # maxima just shown are sampled once, too
+        if k == rounds or (k == rounds - 1 and count == before):  # sample new maxima once
             break
         if k == 0:
             _spread(samplers, log_none)
@@ -57,7 +62,7 @@ def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
 def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
     """Return the number of further samples of each maximum; adapt components, and add maxima that samples show."""
     own, p = sampler.settings, np.exp(log_p)
-    if not np.isfinite(sampler.log_weights.max(initial=-np.inf)):  # a box has next to nothing of it: how much?
+    if not np.isfinite(sampler.log_weights.max(initial=-np.inf)):  # nearly all is outside a box: sample more
         return own.more * (np.arange(len(p)) == np.argmax(sampler.peaks.evidence))
     if sampler.local.any():
         return _wanted_along(sampler, p)

@@ -39,7 +39,7 @@ def narrowed(
 
 
 def roots(covariances: Covariances) -> FloatArray:
-    """Return lower roots ``(m, 6, 6)``; directions without spread keep a little width."""
+    """Return lower Cholesky roots ``(m, 6, 6)``; directions without spread get a small width."""
     width = np.sqrt(np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 1e-30))
     unit = covariances / (width[:, :, None] * width[:, None])
     values, vectors = np.linalg.eigh(unit)

@@ -124,7 +124,7 @@ def _rows(session: Session, added: Sequence[Added]) -> Html:
             str(n),
             _listed(step.ids) or "known already",
             "not requested" if step.action is None else f"{step.action.face} of {step.action.part}",
-            _listed(tuple(dict.fromkeys(one.met))),
+            _listed(tuple(dict.fromkeys(one.faces))),
             *(_share(step.probabilities[k]) for k in shown),
             _share(step.unknown),
             _number(MM * step.corner_sd, "{:.2g} mm"),

@@ -79,7 +79,7 @@ def _facts(plan: Plan, probe: Probe, tolerance: float, confidence: float) -> lis
             (f"{_all(plan).capitalize()} within the tolerance then, over all placements", percent(last.within)),
             (
                 f"The same if every reading meets its face, as at {percent(plan.all_meet)} of the placements",
-                percent(last.within_if_met),
+                percent(last.within_if_hit),
             ),
         ]
     x, y, z = (fixed(v * MM, 2) for v in plan.T_world_part[:3, 3])
@@ -120,7 +120,7 @@ def _curves(plan: Plan, tolerance: float, confidence: float) -> list[Html]:
     within = np.array([np.nan, *(r.within for r in plan.readings)])
     words = ["before", *(f"after {k}" for k in places[1:])]
     sd = Curve(f"{_worst(plan)}, 1 sd", sds, tuple(f"{w}: {v:.2g} mm" for w, v in zip(words, sds, strict=True)))
-    if_met = np.array([np.nan, *(r.within_if_met for r in plan.readings)])
+    if_met = np.array([np.nan, *(r.within_if_hit for r in plan.readings)])
     chances = [
         Curve(name, v, tuple(f"{w}: {percent(p)}" for w, p in zip(words, v, strict=True)), style)
         for style, (name, v) in enumerate((("over all placements", within), ("if all meet their faces", if_met)))
@@ -154,7 +154,7 @@ def _all(plan: Plan) -> str:
 
 def _row(n: int, r: PlannedReading) -> tuple[str, ...]:
     return (
-        str(n), r.face, f"{MM * r.sd:.2g}", percent(r.within), percent(r.within_if_met), percent(r.meets),
+        str(n), r.face, f"{MM * r.sd:.2g}", percent(r.within), percent(r.within_if_hit), percent(r.meets),
         _three(MM * r.origin, 1), _three(r.direction, 3), _three(MM * r.point, 1),
     )  # fmt: skip
 

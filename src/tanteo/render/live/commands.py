@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import IntArray, Vectors
-from tanteo.planning import Action, Probe, SensingState, Session, has_room
+from tanteo.planning import Action, Probe, SensingState, Session, has_clearance
 from tanteo.planning.candidates import Candidates, within_cone
 from tanteo.words.findings import ChosenByUser, ClickFailed
 
@@ -110,7 +110,7 @@ def picked(session: Session, modes: IntArray, eye: Vectors, ray: Vectors, number
         return ClickFailed("nothing")
     mode, face, point, inward = hit
     ways = _ways(session.probe, mode, face, point, inward)
-    ways = ways.take(has_room(session.state, ways, session.probe, anywhere=False))
+    ways = ways.take(has_clearance(session.state, ways, session.probe, anywhere=False))
     if not len(ways):
         return ClickFailed("space")
     if session.able is not None:

@@ -192,7 +192,7 @@ class Player:
             self._choose(command, resting=resting)
         elif isinstance(command, Click):
             self._clicked(command, resting=resting)
-        elif self._contest and not isinstance(command, Pause) and not by_hand(self._show.session.asked):
+        elif self._contest and not isinstance(command, Pause) and not by_hand(self._show.session.pending):
             self._say("In a contest you choose all places: click on the part.")
         else:
             self._mode = {Go: "going", Pause: "paused", Advance: "step"}[type(command)]
@@ -214,12 +214,12 @@ class Player:
 
     def _clicked(self, click: Click, *, resting: bool) -> None:
         session = self._show.session
-        if not resting or session.asked is None:
+        if not resting or session.pending is None:
             self._say("Wait until the hand rests, then click again.")
             return
         now = Snapshot.of(session)
         seen = np.array([k for k in now.drawn_modes().tolist() if now.layer(k) not in click.hidden], dtype=np.int64)
-        found = picked(session, seen, click.eye, click.ray, session.asked.number)
+        found = picked(session, seen, click.eye, click.ray, session.pending.number)
         if not isinstance(found, Action):
             self._say(found.message)
             return

@@ -56,7 +56,7 @@ class Snapshot:
     @classmethod
     def of(cls, session: Session) -> Snapshot:
         """Return the present moment of a session."""
-        now = cls(session.state, session.steps, session.asked)
+        now = cls(session.state, session.steps, session.pending)
         return replace(now, shapes=sensed_shapes(session, now.size))
 
     @property

@@ -34,7 +34,7 @@ def moments(session: Session) -> list[Snapshot]:
     again = Session(session.start, session.probe, session.sensing, session.policy, session.stop, session.seed)
     again.significance = session.significance
     observations = session.observations
-    following = [*(one.action for one in observations), session.asked]
+    following = [*(one.action for one in observations), session.pending]
     now = [Snapshot.of(again)]
     for one in observations:
         again.resume([one])

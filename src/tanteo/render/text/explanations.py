@@ -30,7 +30,7 @@ def explanation_lines(explanation: Explanation, *, layout: Layout = PLAIN) -> li
 
 
 def _step(a: Added) -> list[str]:
-    met = ", ".join(dict.fromkeys(a.met)) or "known already"
+    met = ", ".join(dict.fromkeys(a.faces)) or "known already"
     return [
         ", ".join(a.ids) or "-", met, _number(a.about_part, "{:.2f}"), _number(a.about_pose, "{:.2f}"),
         _number(1e3 * a.corner_sd, "{:.3g}"), a.part or "unknown object", _share(a.probability),

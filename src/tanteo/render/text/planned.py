@@ -43,7 +43,7 @@ def plan_lines(
             r.face,
             f"{1e3 * r.sd:.3g}",
             f"{r.within:.3f}",
-            f"{r.within_if_met:.3f}",
+            f"{r.within_if_hit:.3f}",
             f"{r.meets:.0%}",
         )
         for n, r in enumerate(plan.readings, 1)

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.geometry import SO3
-from tanteo.geometry.covariances import freeze
+from tanteo.geometry import SO3, freeze
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms
 from tanteo.sensors.calibration.fit import Fit
 from tanteo.sensors.calibration.log import PlaneLog, Repeats

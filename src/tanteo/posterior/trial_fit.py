@@ -1,0 +1,119 @@
+"""Trial fits: whether a part may explain the readings at all, before a search is made for it.
+
+A trial fit moves coarse poses of each part onto the points by robust least squares, with a common offset of the points
+as one more state where one is asked for. It draws no samples and computes no evidence, so it takes milliseconds where
+a search takes tenths of a second. What passes a trial is not yet an answer; what fails it needs no search.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.geometry.typing import FloatArray, Indices, Transforms
+from tanteo.posterior.candidate_pruning import screen
+from tanteo.posterior.candidates import Candidates
+from tanteo.posterior.prepared import PreparedPart
+from tanteo.posterior.problem import Problem
+from tanteo.posterior.proposals.coarse_field import evaluate_fields
+from tanteo.posterior.sampling.peaks import scales_for, spread_rows
+from tanteo.posterior.settings import POSE_DOF
+
+_PER_SD = 2
+"""Number of coarse fields for each standard deviation of an offset: a step is then below the spacing of most fields."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrialFit:
+    """The pose of a part that explains most of the points.
+
+    Attributes:
+        part: the part.
+        T_world_part: its pose ``(4, 4)``.
+        explained: number of points within the gate of its surface.
+        count: number of points that were fitted.
+        offset: common offset of the points against their approach, or outward where none is known [m].
+        offset_sd: least standard deviation that this offset can have [m].
+    """
+
+    part: PreparedPart
+    T_world_part: Transforms
+    explained: int
+    count: int
+    offset: float
+    offset_sd: float
+
+    def rejects(self, fraction: float) -> bool:
+        """Whether no part can explain that fraction of the points, as far as a trial can tell.
+
+        With fewer than twice as many points as a pose has degrees of freedom, coarse poses miss the right one too
+        often: of 11 points in one scene of ten, of 20 points in none of 96 (``python benchmarks/conventions.py``).
+        """
+        return self.count >= 2 * POSE_DOF and self.explained < fraction * self.count
+
+    def is_without_offset(self, gate: float) -> bool:
+        """Whether the points are enough for a trial, and their common offset is no more than its noise."""
+        return self.count >= 2 * POSE_DOF and abs(self.offset) < gate * self.offset_sd
+
+
+def trial_fit(problem: Problem, candidates: Candidates, *, offset_sd: float = 0.0) -> TrialFit | None:
+    """Return the best trial fit of all parts; None where there are too few points for one.
+
+    Args:
+        problem: measurements and priors, of which the points count.
+        candidates: the parts.
+        offset_sd: standard deviation of a common offset of all points [m]; 0 for none.
+    """
+    points = problem.points
+    others = problem.furniture.others
+    usable = others[~points.centres[others]]
+    if len(usable) < POSE_DOF - 1:
+        return None
+    shared = np.sqrt(np.sum(points.shared_jacobian**2, axis=(1, 2))) if points.shared_jacobian.size else 0.0
+    factor = float(np.exp(problem.scale_sd)) if problem.scale_sd else 1.0
+    limits = problem.settings.search.gate * np.hypot(factor * points.sd, shared)
+    few_points = problem.settings.search.few_points
+    rows = usable[spread_rows(points.take(usable), few_points)].astype(np.int32)
+    few = len(candidates) <= problem.settings.pruning.budget
+    active = np.arange(len(candidates)) if few else screen(problem, candidates).rows
+    step = offset_sd / _PER_SD
+    offsets = step * np.arange(-2 * _PER_SD, 2 * _PER_SD + 1) if offset_sd > 0 else np.zeros(1)
+    starts = []
+    for o in map(float, offsets):
+        _, Ts_of = evaluate_fields(
+            problem, points.take(others), candidates, active, thorough=not offset_sd, offset=o, offset_sd=step / 2
+        )
+        starts.append(Ts_of)
+    found = []
+    for row in map(int, active):
+        own = [poses[row] for poses in starts if row in poses]
+        if own:
+            Ts = np.ascontiguousarray(np.concatenate(own))
+            found.append(_of_part(problem, candidates.prepared(row), Ts, rows, limits[rows], offset_sd, step))
+    return max(found, key=lambda fit: fit.explained, default=None)
+
+
+def _of_part(
+    problem: Problem,
+    part: PreparedPart,
+    Ts: Transforms,
+    rows: Indices,
+    limits: FloatArray,
+    offset_sd: float,
+    step: float,
+) -> TrialFit:
+    """Return the fit of one part that explains most points, from poses ``Ts``."""
+    sd = float(np.median(problem.points.sd[rows]))
+    start, end = 1.5 * max(scales_for(problem, part).blur, step), 2 * sd
+    steps = max(6, int(np.ceil(np.log(start / end) / problem.settings.search.scale_step)) + 1)
+    Ts, _, _, offsets, distances = _core.settle(
+        part.shape, problem.compiled(part), rows, np.geomspace(start, min(end, start), steps), np.ascontiguousarray(Ts),
+        offset_sd, True,
+    )  # fmt: skip
+    explained = np.sum(np.abs(distances) <= limits, axis=1)
+    best = int(np.argmax(explained))
+    return TrialFit(
+        part, Ts[best], int(explained[best]), len(rows), float(offsets[best]), sd / float(np.sqrt(len(rows)))
+    )

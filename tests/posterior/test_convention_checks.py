@@ -1,0 +1,79 @@
+"""A mistake of a file is named where undoing it explains the readings, and nowhere else."""
+
+import time
+
+import numpy as np
+import pytest
+
+import tanteo
+from bare_scenes import box_centred_pose
+from tanteo.geometry import SE3
+from tanteo.words.findings import Convention, OffsetQuestion
+
+SD, RADIUS = 5e-5, 2e-3
+SIZES = {"long": (0.09, 0.05, 0.03), "flat": (0.07, 0.06, 0.015), "high": (0.04, 0.035, 0.08)}
+
+
+@pytest.fixture(scope="module")
+def blocks():
+    return [block(name, size) for name, size in SIZES.items()]
+
+
+def block(name, size):
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * np.asarray(size)
+    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    triangles = [(a, b, c) for a, b, c, _ in sides] + [(a, c, d) for a, _, c, d in sides]
+    return tanteo.part_from_mesh(corners, triangles, unit="m", name=name)
+
+
+def touches(part, rng, radius=0.0, n=18):
+    """Return centres of a ball that touches faces of a block away from their rims, and the outward normals."""
+    half = 0.5 * (part.box[1] - part.box[0])
+    axes, signs = rng.integers(3, size=n), rng.choice([-1.0, 1.0], n)
+    p = rng.uniform(-0.8, 0.8, (n, 3)) * half
+    p[np.arange(n), axes] = signs * half[axes]
+    normals = np.zeros((n, 3))
+    normals[np.arange(n), axes] = signs
+    T = box_centred_pose(rng)
+    middle = 0.5 * (part.box[0] + part.box[1])
+    points = SE3.apply(T, p + middle + radius * normals) + SD * rng.normal(size=(n, 3))
+    return points, normals @ T[:3, :3].T
+
+
+def asked(parts, points, **columns):
+    return tanteo.identify(tanteo.Readings.from_columns(points=points, sds=np.full(len(points), SD), **columns), parts)
+
+
+@pytest.mark.parametrize("aimed", [False, True])
+@pytest.mark.parametrize("name", SIZES)
+def test_a_forgotten_radius_is_named_with_its_size(blocks, name, aimed):
+    part = next(one for one in blocks if one.name == name)
+    points, normals = touches(part, np.random.default_rng(3), RADIUS)
+    answer = asked(blocks, points, **({"directions": -normals} if aimed else {}))
+    (found,) = (one for one in answer.findings if isinstance(one, OffsetQuestion))
+    assert answer.status == "unknown"
+    assert found.part == name
+    assert abs(abs(found.offset) - RADIUS) < 5 * SD
+
+
+def test_a_part_that_is_in_no_file_has_no_offset(blocks):
+    for seed in range(6):
+        points, _ = touches(blocks[0], np.random.default_rng(seed))
+        answer = asked(blocks[1:], points)
+        assert not [one for one in answer.findings if isinstance(one, OffsetQuestion)]
+
+
+def test_right_readings_are_no_mistake(blocks):
+    points, _ = touches(blocks[1], np.random.default_rng(5))
+    answer = asked(blocks, points)
+    assert answer.status == "recognized"
+    assert not [one for one in answer.findings if isinstance(one, (OffsetQuestion, Convention))]
+
+
+def test_elapsed_time_has_the_checks_in_it(blocks):
+    points, _ = touches(blocks[0], np.random.default_rng(3), RADIUS)
+    start = time.perf_counter()
+    answer = asked(blocks, points)
+    whole = time.perf_counter() - start
+    assert answer.elapsed["conventions"] > 0
+    assert answer.elapsed["total"] == pytest.approx(whole, abs=0.05 * whole + 0.02)
