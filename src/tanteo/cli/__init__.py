@@ -7,8 +7,12 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from lazy_loader import attach
+
 if TYPE_CHECKING:
     from tanteo.cli import app, demo, installation, printing, session_record
+
+__getattr__, __dir__, _ = attach(__name__, ["app", "demo", "installation", "printing", "session_record"])
 
 
 def main(argv: Sequence[str] | None = None) -> None:

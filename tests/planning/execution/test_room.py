@@ -140,7 +140,7 @@ def test_the_probe_is_a_frontal_sensor(targets):
     assert free.approach is None
     with pytest.raises(InputError, match=r"1\.25 times the clearance of 12 mm"):
         hand_probe(hand, RULES, 0.013)
-    with pytest.raises(InputError, match="stand-off within range"):
+    with pytest.raises(InputError, match="expected at most 120 mm, the largest range of the sensor"):
         hand_probe(hand, RULES, 0.2)
 
 
