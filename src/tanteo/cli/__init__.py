@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lazy_loader import attach
+from lazy_loader import attach  # type: ignore[import-untyped]
 
 if TYPE_CHECKING:
     from tanteo.cli import app, demo, installation, printing, session_record
