@@ -182,10 +182,12 @@ def test_blur_does_not_shrink_what_is_found(semi_axes):
     assert found[0].centre == pytest.approx([61.3, 47.6], abs=0.05)
 
 
-@pytest.mark.parametrize("name", ["circle_poses", "find_ellipses", "fit_ellipse", "image_centre", "image_circle"])
-def test_the_example_in_its_docstring_runs(name, monkeypatch):
+@pytest.mark.parametrize(
+    "function", [circle_poses, find_ellipses, fit_ellipse, image_centre, image_circle], ids=lambda f: f.__name__
+)
+def test_the_example_in_its_docstring_runs(function, monkeypatch):
     monkeypatch.chdir(Path(__file__).parents[2] / "examples")
-    text = inspect.getdoc(getattr(tanteo.vision, name))
+    text, name = inspect.getdoc(function), function.__name__
     test = doctest.DocTestParser().get_doctest(text, {"tanteo": tanteo, "np": np}, name, name, 0)
     found = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(test)
     assert found.attempted and not found.failed  # noqa: PT018
