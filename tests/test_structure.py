@@ -24,7 +24,7 @@ MOST = {
     "files that ask for kinds in Python": 0,
     "code lines of Python in the judged packages": 10223,
     "code lines of C++": 9600,
-    "exported names": 449,
+    "exported names": 450,
     "exported names without a user": 0,
     "words of docs": 33500,
     "live decisions": 40,

@@ -12,6 +12,7 @@ from .io import read_camera as read_camera
 from .io import read_image as read_image
 from .io import read_prior as read_prior
 from .io import read_readings as read_readings
+from .io import read_rig as read_rig
 from .parts import Part as Part
 from .parts import read_part as read_part
 from .planning import Action as Action
