@@ -54,9 +54,10 @@ types: $(VENV)/.test
 	venv/bin/python -c 'import json, sys; score = json.load(sys.stdin)["typeCompleteness"]["completenessScore"]; \
 	print(f"{score:.1%} of the symbols have types"); sys.exit(score < 0.99)'
 
-# each worker is a process of one thread; some tests wait, so one worker more than processors; screenshots stay in build
+# each worker is a process of one thread; some tests wait, so one worker more than processors; screenshots stay in build.
+# Bytecode is kept: without it every worker and every program that a test starts compiles all modules again
 unit: $(VENV)/.test
-	PATH="$(abspath $(BIN)):$$PATH" TANTEO_SCREENSHOTS="$(CURDIR)/build/screenshots" \
+	PATH="$(abspath $(BIN)):$$PATH" TANTEO_SCREENSHOTS="$(CURDIR)/build/screenshots" PYTHONDONTWRITEBYTECODE= \
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS)
 
 # LinuxCNC's interpreter is unpacked, not installed

@@ -40,26 +40,15 @@ import tanteo
 from cli.conftest import prism, stl
 from sensing_scenes import LASER, drawn_truth, located, new_session, true_range
 from tanteo.geometry import SE3
-from tanteo.planning import (
-    POLICIES,
-    Action,
-    Probe,
-    Sensing,
-    Session,
-    Start,
-    Stop,
-    at_place,
-    at_pose,
-    begin,
-    draw,
-    expected_information,
-    plan,
-    predict,
-    propose,
-    update,
-)
-from tanteo.posterior import Priors, corner_sd, prepare
-from tanteo.sensors import NoiseLaw
+from tanteo.planning import POLICIES, Action, Probe, Sensing, Session, Stop, at_place, begin, plan, update
+from tanteo.planning.candidates import propose
+from tanteo.planning.predictions import predict
+from tanteo.planning.samples import draw
+from tanteo.planning.start import Start, at_pose
+from tanteo.planning.utility import expected_information
+from tanteo.posterior import Priors, prepare
+from tanteo.posterior.answers import corner_sd
+from tanteo.sensors.presets import NoiseLaw
 
 
 def boxed(size):

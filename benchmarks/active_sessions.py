@@ -27,7 +27,10 @@ from sensing_scenes import (
     sense,
     true_range,
 )
-from tanteo.planning import Action, Choice, draw, predict
+from tanteo.planning import Action
+from tanteo.planning.context import Choice
+from tanteo.planning.predictions import predict
+from tanteo.planning.samples import draw
 from tanteo.posterior import Priors, prepare
 from tanteo.words.findings import Stated
 

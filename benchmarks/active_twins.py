@@ -14,8 +14,8 @@ from common import Table
 import tanteo
 from sensing_scenes import FLIGHT, LASER, beam_hits, located, new_session, sense
 from tanteo.geometry import SE3
-from tanteo.planning import Start
 from tanteo.planning.discrimination import most_similar_poses
+from tanteo.planning.start import Start
 from tanteo.posterior import Priors, prepare
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"

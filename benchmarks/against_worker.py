@@ -60,7 +60,7 @@ def _rig(text, folder):
 def new_session(scene, parts):
     """Return a session for one place, with a laser."""
     from tanteo.planning import Probe, Sensing, Session, Stop, at_place
-    from tanteo.sensors import NoiseLaw
+    from tanteo.sensors.presets import NoiseLaw
 
     laser = Probe("laser", NoiseLaw.of(scene.sd), max_range=0.3, standoff=0.1)
     stop = Stop(tolerance=2e-3, max_measurements=max(scene.readings, 1))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from common import Table, seconds
 
-from tanteo.features import EDGE, PLANE, VERTEX, Feature, relate_all
+from tanteo.features import Feature, relate_all
+from tanteo.features.kinds import EDGE, PLANE, VERTEX
 from tanteo.geometry import SE3
 
 TEXT = """\

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from common import Table, seconds
 
-from tanteo.features import PLANE, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import PLANE
 from tanteo.geometry import SE3
 from tanteo.parts import Part, read_part
 from tanteo.posterior import identify_features, prepare

@@ -15,7 +15,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from sensing_scenes import LASER, located, true_range
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import Action, Candidates, Sensing, Session, Start, Stop, begin, propose
+from tanteo.planning import Action, Sensing, Session, Stop, begin
+from tanteo.planning.candidates import Candidates, propose
+from tanteo.planning.start import Start
 from tanteo.posterior import PreparedPart, Priors, prepare
 from tanteo.sensors import Readings
 from tanteo.words.findings import Stated

@@ -20,7 +20,9 @@ from common import Table
 
 from felt_scenes import gripper, nees, roof
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import EdgeGuess, FaceGuess, Rules, SimulatedHand, clearances, sense_edge, sense_plane
+from tanteo.hand.acquisition import EdgeGuess, FaceGuess, sense_edge, sense_plane
+from tanteo.hand.motion import Rules
+from tanteo.hand.simulator import SimulatedHand, clearances
 
 ANGLES = 10, 15, 20, 30, 45, 60, 75, 85
 DOF = {"plane": 3, "edge": 4}

@@ -22,8 +22,10 @@ from holes import part_of, plate
 from OCP.Message import Message
 
 from tanteo.geometry import SE3, SO3
-from tanteo.parts import ball_contact
-from tanteo.planning import POLICIES, Action, Sensing, Session, Stop, at_pose, corner_distances, probe_of
+from tanteo.parts.shapes import ball_contact
+from tanteo.planning import POLICIES, Action, Sensing, Session, Stop, probe_of
+from tanteo.planning.start import at_pose
+from tanteo.planning.stopping import corner_distances
 from tanteo.posterior import prepare
 
 SD, RADIUS, TOLERANCE, MOST = 5e-5, 1e-3, 2e-4, 40

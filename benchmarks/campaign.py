@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tanteo.catalogue import run_tasks
+from tanteo.catalogue.cluster import run_tasks
 
 
 def options(arguments: list[str]) -> tuple[list[str], Path | None, int | str]:

@@ -22,7 +22,9 @@ from common import Table
 from bare_scenes import nees, no_paths, off
 from castle_scene import FRAMES, castle, dense_fit, first_pose, pixels_of
 from tanteo.geometry import SE3
-from tanteo.posterior import Priors, Problem, as_hypothesis, goodness_of_fit, identify_points, posterior_about, prepare
+from tanteo.posterior import Priors, Problem, as_hypothesis, identify_points, prepare
+from tanteo.posterior.fit_at_mode import goodness_of_fit
+from tanteo.posterior.update import posterior_about
 
 RIGHT = 3e-3, np.radians(1.5)
 

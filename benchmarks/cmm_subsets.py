@@ -18,7 +18,9 @@ import test_cmm_bare as cmm
 
 import tanteo
 from bare_scenes import no_paths
-from tanteo.posterior import Priors, Problem, goodness_of_fit, identify_points, posterior_about, prepare
+from tanteo.posterior import Priors, Problem, identify_points, prepare
+from tanteo.posterior.fit_at_mode import goodness_of_fit
+from tanteo.posterior.update import posterior_about
 
 
 def leaves_free(touches, block, truth):

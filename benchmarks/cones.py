@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 from common import Table
 
-from tanteo.sensors import blend, cone_rays, draw_aims, draw_units, edge_bias, emit, error_model, sensor_presets
+from tanteo.sensors import error_model
+from tanteo.sensors.emission import draw_units, emit
+from tanteo.sensors.noise import blend, cone_rays, draw_aims, edge_bias
+from tanteo.sensors.presets import sensor_presets
 
 READINGS = 200_000
 

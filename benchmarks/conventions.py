@@ -17,7 +17,8 @@ from common import Table
 import tanteo
 from tanteo.factors import FreeRays, as_contact_points
 from tanteo.geometry import SE3, SO3
-from tanteo.posterior import Candidates, Priors, Problem, prepare, sized
+from tanteo.posterior import Priors, Problem, prepare, sized
+from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.trial_fit import trial_fit
 from tanteo.sensors import measure
 from tanteo.words.findings import Convention, MirrorQuestion, OffsetQuestion

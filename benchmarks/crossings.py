@@ -17,8 +17,9 @@ from common import Table
 
 from felt_scenes import gripper, nees
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import Cell, Rules, Scene, SimulatedHand, box, cross_edge, go_to
-from tanteo.hand.acquisition.record import fitted_feature, labelled_readings
+from tanteo.hand.acquisition import fitted_feature, labelled_readings
+from tanteo.hand.motion import Rules, cross_edge, go_to
+from tanteo.hand.simulator import Cell, Scene, SimulatedHand, box
 
 PLATE = Scene.of([box("plate", [-0.1, -0.1, -0.02], [0.1, 0.1, 0.0])])
 ASKEW = 0.02

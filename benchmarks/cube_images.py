@@ -17,8 +17,10 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import grey_cube
 from tanteo.geometry import SE3
-from tanteo.vision import find_edges, follow, map_edges, prepare_vision, project, refine, see_anywhere
-from tanteo.vision.camera import project_linearized
+from tanteo.vision import find_edges, follow, prepare_vision, see_anywhere
+from tanteo.vision.camera import project, project_linearized
+from tanteo.vision.edges import map_edges
+from tanteo.vision.fit import refine
 
 
 def first_image(model):

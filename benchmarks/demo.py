@@ -12,7 +12,7 @@ from importlib import resources
 
 import numpy as np
 
-from tanteo.bench import NEEDED, needed, try_it
+from tanteo.bench.demo import NEEDED, needed, try_it
 
 WORKERS = 2
 

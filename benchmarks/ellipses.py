@@ -27,7 +27,10 @@ from rendered import table_camera
 from tanteo.errors import DegenerateError
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import round_features
-from tanteo.vision import Stage, circle_poses, fit_ellipse, prepare_vision, project_circle, render, rendered_part, see
+from tanteo.vision import prepare_vision, render, see
+from tanteo.vision.circles import circle_poses, project_circle
+from tanteo.vision.ellipse_fit import fit_ellipse
+from tanteo.vision.rendering import Stage, rendered_part
 from vision import pose_errors
 from vision_scenes import random_rendering
 

@@ -16,7 +16,8 @@ from common import Table
 
 from fixture_sets import FOLDER, SETS, disagreement, fixture, locate_sets, touches_of
 from tanteo.factors import FreeRays
-from tanteo.posterior import corner_sd, identify_points
+from tanteo.posterior import identify_points
+from tanteo.posterior.answers import corner_sd
 
 
 def row(name, target):

@@ -172,7 +172,7 @@ def image(name: str) -> Outcome:
 
     folder = ROOT / "examples" / "images"
     pixels = io.read_image(str(folder / f"{name}.png"))
-    camera, _ = io.place_camera(
+    camera, _ = io.scenes.place_camera(
         io.read_camera(str(folder / "camera.yaml"), shape=pixels.shape), str(folder / "marks.csv")
     )
     return see_table(pixels, camera, examples()), {p.name: p for p in examples()}

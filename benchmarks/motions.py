@@ -23,7 +23,9 @@ from campaign import options, run_cases
 from common import Table
 
 from felt_scenes import PARTS, gripper, is_meant, make_task, nees
-from tanteo.hand import Cell, Rules, SimulatedHand, clearances, sense_edge, sense_plane, sense_vertex
+from tanteo.hand.acquisition import sense_edge, sense_plane, sense_vertex
+from tanteo.hand.motion import Rules
+from tanteo.hand.simulator import Cell, SimulatedHand, clearances
 
 SENSE = {"plane": sense_plane, "edge": sense_edge, "vertex": sense_vertex}
 DOF = {"plane": 3, "edge": 4, "vertex": 3}

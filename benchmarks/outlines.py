@@ -25,7 +25,8 @@ import tanteo
 from tanteo.factors import ContactPoints, FreeRays, surface_points
 from tanteo.geometry import SE3
 from tanteo.posterior import Priors, WholeObject, identify_points
-from tanteo.vision import narrowed, outline_of_readings, prepare_vision, see_table
+from tanteo.vision import outline_of_readings, prepare_vision, see_table
+from tanteo.vision.outlines import narrowed
 from vision_scenes import random_shot, stated_table
 
 KINDS = {
@@ -54,7 +55,7 @@ def sensed(part: tanteo.Part, T: np.ndarray, count: int, rng: np.random.Generato
 
 
 def answered(
-    catalogue: tanteo.Catalogue, kind: str, part: tanteo.Part, rng: np.random.Generator, out: Seen
+    catalogue: tanteo.catalogue.Catalogue, kind: str, part: tanteo.Part, rng: np.random.Generator, out: Seen
 ) -> tuple[str, float, dict[str, float]] | None:
     """Status, probability of the unknown object and of each part in one scene; None where the part leaves the image."""
     shot = random_shot([prepare_vision(part)], rng)

@@ -15,7 +15,8 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from tanteo.catalogue import Parts, cad_files, read_parts, repaired
+from tanteo.catalogue import Parts, read_parts
+from tanteo.catalogue.file_warnings import cad_files, repaired
 
 ROOT = Path(__file__).resolve().parents[1]
 

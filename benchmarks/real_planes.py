@@ -12,7 +12,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from common import Table
 
-from tanteo.sensors import calibrate, plane_angle
+from tanteo.sensors import calibrate
+from tanteo.sensors.calibration import plane_angle
 from tof_planes import FOLDER, PAIRS, SENSORS, SURFACES, day, run, runs
 
 ROBOTS = None, "generic_6axis_uncalibrated", "xarm", "ur_ros_nominal_dh"
@@ -89,7 +90,7 @@ def table_of_angles(found):
 
 def table_of_robots(found):
     """Return how many pairs have 90 degrees in their 95 % interval, for each assumed error of the robot."""
-    from tanteo.sensors import robot_preset
+    from tanteo.sensors.presets import robot_preset
 
     table = Table(
         "Coverage",

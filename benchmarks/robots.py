@@ -14,9 +14,11 @@ from scipy.stats import chi2
 
 import tanteo
 from tanteo.geometry import SE3
-from tanteo.machines import MachineLimits, SafeMachine, World, opened, parse_machine, probe_part
+from tanteo.machines import MachineLimits, SafeMachine, World, probe_part
+from tanteo.machines.address import opened, parse_machine
 from tanteo.parts import Surface
-from tanteo.planning import Sensing, Session, Stop, at_pose, probe_of
+from tanteo.planning import Sensing, Session, Stop, probe_of
+from tanteo.planning.start import at_pose
 from tanteo.posterior import Priors
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"

@@ -34,13 +34,18 @@ def objects(fields):
 
 def stream():
     """Topic, time and message, in their order: a chain of two moving frames, a sensor on it."""
-    out = [("/tf_static", 0.0, objects(io.transform(np.eye(4), "hand", "sensor", 0)))]
+    out = [("/tf_static", 0.0, objects(io.documents.transform(np.eye(4), "hand", "sensor", 0)))]
     for t in np.arange(0, SECONDS, 1 / FRAMES):
         for parent, child in (("base", "arm"), ("arm", "hand")):
             T = SE3.from_parts(SO3.axis_rotation(2, 0.1 * t), np.array([0.1, 0.01 * t, 0.2]))
-            out.append(("/tf", t, objects(io.transform(T, parent, child, round(1e9 * t)))))
+            out.append(("/tf", t, objects(io.documents.transform(T, parent, child, round(1e9 * t)))))
     for t in np.arange(0.005, SECONDS, 1 / RANGES):
-        fields = {"header": io.ros_header(round(1e9 * t), "sensor"), "range": 0.2, "min_range": 0.0, "max_range": 1.0}
+        fields = {
+            "header": io.documents.ros_header(round(1e9 * t), "sensor"),
+            "range": 0.2,
+            "min_range": 0.0,
+            "max_range": 1.0,
+        }
         out.append(("/range", t, objects(fields)))
     return sorted(out, key=lambda one: one[1])
 
@@ -48,8 +53,12 @@ def stream():
 def intake():
     """Convert messages to readings, every 50 ms of the stream."""
     messages = stream()
-    taken = Intake(io.RosOptions(), io.Stated(), Patience(settle=0.0))
-    for topic, kind in (("/tf", io.TF[0]), ("/tf_static", io.TF[0]), ("/range", io.RANGE)):
+    taken = Intake(io.RosOptions(), io.readings.Stated(), Patience(settle=0.0))
+    for topic, kind in (
+        ("/tf", io.documents.TF[0]),
+        ("/tf_static", io.documents.TF[0]),
+        ("/range", io.documents.RANGE),
+    ):
         taken.hear(topic, kind)
     begun, last, worst = time.perf_counter(), 0.0, 0.0
     for topic, t, message in messages:
@@ -87,9 +96,8 @@ def loopback():
                 rclpy.spin_once(me, timeout_sec=0.1)
             for point in readings.points:
                 stamp = me.get_clock().now().nanoseconds
-                touch.publish(filled(io.POINT, {
-                    "header": io.ros_header(stamp, "base"), "point": dict(zip("xyz", map(float, point), strict=True)),
-                }))  # fmt: skip
+                header, at = io.documents.ros_header(stamp, "base"), dict(zip("xyz", map(float, point), strict=True))
+                touch.publish(filled(io.documents.POINT, {"header": header, "point": at}))
                 end = time.monotonic() + 0.11
                 while time.monotonic() < end:
                     rclpy.spin_once(me, timeout_sec=0.01)

@@ -30,7 +30,8 @@ from round_scenes import (
     size_of,
     whole_covariance,
 )
-from tanteo.features import KINDS, PLANE, Feature, SharedError
+from tanteo.features import Feature, SharedError
+from tanteo.features.kinds import KINDS, PLANE
 from tanteo.fitting import circle_on_plane, fit_plane, fit_round, observable, round_ml
 from tanteo.geometry import SE3, SO3
 

@@ -25,7 +25,8 @@ from OCP.Message import Message
 
 from bare_scenes import nees
 from felt_scenes import gripper
-from tanteo.planning import acquirable, sense_part
+from tanteo.planning import sense_part
+from tanteo.planning.execution import acquirable
 from tanteo.posterior import prepare
 from unknown_scenes import off, unknown_scene, unknown_session
 

@@ -26,7 +26,9 @@ from common import Table
 
 from bore_scenes import WRONG, round_error, round_task, whole_covariance, wrong_task
 from felt_scenes import gripper
-from tanteo.hand import Cell, Rules, SimulatedHand, clearances, sense_circle, sense_cylinder
+from tanteo.hand.acquisition import sense_circle, sense_cylinder
+from tanteo.hand.motion import Rules
+from tanteo.hand.simulator import Cell, SimulatedHand, clearances
 
 SENSE = {"circle": sense_circle, "cylinder": sense_cylinder}
 CASES = [(kind, convex) for kind in SENSE for convex in (False, True)]

@@ -14,7 +14,8 @@ from common import Table
 
 from plane_scenes import joined, random_hands, simulated_log
 from tanteo.geometry import SE3, SO3
-from tanteo.sensors import calibrate, plane_angle
+from tanteo.sensors import calibrate
+from tanteo.sensors.calibration import plane_angle
 
 
 def one_log(seed, places, saturated):

@@ -14,7 +14,8 @@ import numpy as np
 from common import Table
 
 import tanteo
-from tanteo.hand import Cell, Hand, Scene, SimulatedHand, Solid, box, gripper_body
+from tanteo.hand import Hand, gripper_body
+from tanteo.hand.simulator import Cell, Scene, SimulatedHand, Solid, box
 from tanteo.io import read_rig
 
 PART = Path(__file__).parents[1] / "examples" / "parts" / "bracket_left.step"

@@ -19,6 +19,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import exports
+
 ROOT = Path(__file__).resolve().parents[1]
 
 CODE_PACKAGES = (
@@ -462,6 +464,9 @@ def figures(checkout: Checkout, *, trace: bool = True) -> dict[str, int]:
     out["code lines of C++"] = sum(
         cpp_lines(p.read_text()) for p in checkout.src.rglob("*") if p.suffix in (".cpp", ".hpp")
     )
+    found = exports.Exports(checkout.root)
+    out |= {"exported names": found.count, "exported names without a user": len(found.unused())}
+    out["names in public modules"] = sum(map(len, found.public.values()))
     return out | page_figures(checkout.root)
 
 
@@ -484,7 +489,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("checkout", nargs="?", type=Path, default=ROOT)
     parser.add_argument("--commit", help="a commit or a range A..B: source files that it touches")
-    parser.add_argument("--list", choices=("fits", "kinds", "numbers", "entered"), help="the places behind a figure")
+    parser.add_argument(
+        "--list", choices=("fits", "kinds", "numbers", "entered", "exports"), help="the places behind a figure"
+    )
     options = parser.parse_args()
     checkout = Checkout(options.checkout.resolve())
     if options.commit:
@@ -495,6 +502,8 @@ def main() -> None:
         for package in NUMBER_PACKAGES:
             for place, one in numbers(checkout, package):
                 print(f"{place} {one.count}{' sourced' if one.sourced else ''}")
+    elif options.list == "exports":
+        print(*exports.Exports(checkout.root).unused(), sep="\n")
     elif options.list:
         print(*{"fits": fits, "kinds": kinds, "entered": entered}[options.list](checkout), sep="\n")
     else:

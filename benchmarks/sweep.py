@@ -69,7 +69,9 @@ def table(name: str, found: dict[tuple[str, float], list[dict]]) -> Table:
             f"{np.median(nees):.2f}" if nees else "", f"{np.median(ms):.3g}", f"{np.mean(ms):.3g}",
         ))  # fmt: skip
     columns = ("scenes", name, "right", "claimed", "NEES / dof, median", "ms, median", "ms, mean")
-    return Table(f"Sweep of {name}", "The value in use is the default of `tanteo.posterior.Settings`.", columns, lines)
+    return Table(
+        f"Sweep of {name}", "The value in use is the default of `tanteo.posterior.settings.Settings`.", columns, lines
+    )
 
 
 def main() -> None:

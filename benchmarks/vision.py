@@ -31,7 +31,8 @@ from common import Table
 from random_parts import random_part
 from tanteo.catalogue import read_parts
 from tanteo.geometry import SE3
-from tanteo.vision import prepare_vision, see_table, silhouette
+from tanteo.vision import prepare_vision, see_table
+from tanteo.vision.regions import silhouette
 from vision_scenes import in_camera, random_shot, stated_table
 
 SEED = 1991

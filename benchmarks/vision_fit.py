@@ -26,11 +26,15 @@ from campaign import options, run_cases
 from machined_parts import mixed_parts
 from tanteo.geometry import SE3
 from tanteo.posterior import OnTable, Priors, sized
-from tanteo.vision import EVIDENCE, TableErrors, find_edges, find_regions, map_edges, prepare_vision, silhouette
+from tanteo.vision import find_edges, prepare_vision
 from tanteo.vision.candidates import candidates_in, own_edges
+from tanteo.vision.edges import map_edges
 from tanteo.vision.image_edges import Weights
 from tanteo.vision.posterior import searched, sums_at
+from tanteo.vision.regions import find_regions, silhouette
+from tanteo.vision.settings import EVIDENCE
 from tanteo.vision.sight import area_of, image_of_region
+from tanteo.vision.table import TableErrors
 from vision_scenes import random_shot, stated_table
 
 CATALOGUES, SEED, FIRST = (7001, 7002), 7100, 21

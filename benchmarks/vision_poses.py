@@ -19,11 +19,15 @@ from scipy.stats import chi2
 
 from tanteo.geometry import SE3
 from tanteo.posterior import OnTable
-from tanteo.vision import USUAL_EDGE_SD, TableErrors, find_edges, find_regions, map_edges, project, silhouette
+from tanteo.vision import find_edges
 from tanteo.vision.answers import hypothesis
+from tanteo.vision.camera import USUAL_EDGE_SD, project
+from tanteo.vision.edges import map_edges
 from tanteo.vision.image_edges import Weights
 from tanteo.vision.posterior import infer
+from tanteo.vision.regions import find_regions, silhouette
 from tanteo.vision.sight import area_of, image_of_region
+from tanteo.vision.table import TableErrors
 from vision import models_of, pose_errors
 from vision_scenes import in_camera, random_shot, stated_table
 

@@ -14,7 +14,7 @@ from multiprocessing import get_context
 import numpy as np
 from common import Table
 
-from tanteo.posterior import Settings
+from tanteo.posterior.settings import Settings
 
 PARTS = "step_12mm,step_15mm"
 SEED = 501

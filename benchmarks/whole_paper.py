@@ -29,10 +29,13 @@ from random_parts import random_part
 from rendered import table_camera
 from tanteo.catalogue import read_parts
 from tanteo.geometry import SE3
-from tanteo.hand import Scene
-from tanteo.planning import HYPOTHESES, part_seen, seen_start, sense_part
+from tanteo.hand.simulator import Scene
+from tanteo.planning import sense_part
+from tanteo.planning.execution import HYPOTHESES, part_seen, seen_start
 from tanteo.posterior import prepare
-from tanteo.vision import RenderedObject, Stage, prepare_vision, render, rendered_part, see_table, silhouette
+from tanteo.vision import prepare_vision, render, see_table
+from tanteo.vision.regions import silhouette
+from tanteo.vision.rendering import RenderedObject, Stage, rendered_part
 from unknown_scenes import off, unknown_scene, unknown_session
 from vision_scenes import random_rendering
 

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 import tanteo
-from tanteo.geometry import UncertainFrame, as_gtsam_covariance, as_ros_covariance
+from tanteo.geometry import UncertainFrame, as_ros_covariance
+from tanteo.geometry.named import as_gtsam_covariance
 from tanteo.io import pose_as_brand
 
 HERE = Path(__file__).parent

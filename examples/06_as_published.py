@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 import tanteo
-from tanteo.features import PLANE, chi2_limit, chi2_statistic, parallel_planes
+from tanteo.features import chi2_limit, chi2_statistic, parallel_planes
 from tanteo.features.constraints import published
+from tanteo.features.kinds import PLANE
 from tanteo.geometry import SE3
 
 rng = np.random.default_rng(6)

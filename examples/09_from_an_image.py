@@ -12,7 +12,8 @@ from pathlib import Path
 
 from tanteo import read_parts
 from tanteo.io import read_camera, read_image, read_marks
-from tanteo.vision import fit_camera, prepare_vision, see_table
+from tanteo.vision import prepare_vision, see_table
+from tanteo.vision.table import fit_camera
 
 HERE = Path(__file__).parent
 IMAGES = HERE / "images"

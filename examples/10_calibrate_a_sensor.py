@@ -13,7 +13,8 @@ import numpy as np
 
 import tanteo
 from tanteo.io import read_rig
-from tanteo.sensors import calibrate, calibrated_rig, measure, plane_angle
+from tanteo.sensors import calibrate, measure
+from tanteo.sensors.calibration import calibrated_rig, plane_angle
 
 HERE = Path(__file__).parent / "readings"
 log, drawn = tanteo.read_readings(HERE / "plane_log.csv"), read_rig(HERE / "tof_rig.toml")

@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 
 import tanteo
-from tanteo.hand import Rules, SimulatedHand, clearances, features_of, sense_edge
+from tanteo.hand.acquisition import features_of, sense_edge
+from tanteo.hand.motion import Rules
+from tanteo.hand.simulator import SimulatedHand, clearances
 from tanteo.io import read_scene, write_readings
 
 scene = read_scene(Path(__file__).parent / "scenes" / "bracket.toml")

@@ -17,7 +17,7 @@ from tanteo.io import read_record, write_record
 from tanteo.parts import read_part
 from tanteo.planning import Action, Probe, Sensing, Session, Stop, at_place, explain
 from tanteo.posterior import prepare
-from tanteo.sensors import NoiseLaw
+from tanteo.sensors.presets import NoiseLaw
 
 folder = Path(__file__).parent / "parts"
 targets = [prepare(read_part(folder / f"{name}.step")) for name in ("bracket_left", "bracket_right", "wedge")]

@@ -16,7 +16,9 @@ from tanteo.catalogue import stable_poses
 from tanteo.geometry import SE3, SO3
 from tanteo.io import write_image
 from tanteo.parts import read_part
-from tanteo.vision import Appearance, Stage, project, render, rendered_part
+from tanteo.vision import render
+from tanteo.vision.camera import project
+from tanteo.vision.rendering import Appearance, Stage, rendered_part
 
 HERE = Path(__file__).resolve().parent
 CAMERA = table_camera(distance=0.62, tilt=22.0, turn=30.0)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.factors import SensedDirection, factor_class
+from tanteo.factors.factor import SensedDirection, factor_class
 
 OF_FACTORS = {"points": "at", "covs": "cov", "radii": "ball_radius", "reach": "free_path"}
 VECTORS = {"directions": "approach", "sides": "outward"}

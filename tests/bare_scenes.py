@@ -10,10 +10,11 @@ from scipy.stats import chi2
 from tanteo import factors
 from tanteo.factors import FreeRays, as_contact_points
 from tanteo.features import SharedError
-from tanteo.fitting import pose_information
+from tanteo.fitting.localization import pose_information
 from tanteo.geometry import SE3, SO3
-from tanteo.parts import exact_faces
-from tanteo.posterior import PreparedPart, without_symmetric_rotation
+from tanteo.parts.faces import exact_faces
+from tanteo.posterior import PreparedPart
+from tanteo.posterior.answers import without_symmetric_rotation
 from tanteo.sensors import Column, Readings, measure
 
 REACH = 0.3

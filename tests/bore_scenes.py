@@ -12,7 +12,9 @@ import numpy as np
 from felt_scenes import facing, gripper
 from tanteo.features import Feature
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import RoundGuess, Scene, Solid, Workspace, box
+from tanteo.hand import Workspace
+from tanteo.hand.acquisition import RoundGuess
+from tanteo.hand.simulator import Scene, Solid, box
 
 SEGMENTS = 180
 OFF, TURNED, SHARE = 0.010, np.radians(5.0), 0.3

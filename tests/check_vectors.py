@@ -17,29 +17,25 @@ from typing import Any
 import numpy as np
 
 from tanteo import features, fitting, planning
-from tanteo.features import EDGE, PLANE, Feature, feature_kind, reframe
+from tanteo.features import Feature
 from tanteo.features.constraints import published
-from tanteo.fitting import RELATIONS, Block, assemble, fuse_features, gauss_newton, linearize
-from tanteo.geometry import (
-    SE3,
+from tanteo.features.kinds import EDGE, PLANE, feature_kind
+from tanteo.features.reframing import reframe
+from tanteo.fitting.localization import RELATIONS, Block, assemble, fuse_features, gauss_newton, linearize
+from tanteo.geometry import SE3, relate_arrays
+from tanteo.geometry.location import compose_locations, invert_location, loc_to_matrix, matrix_to_loc, relate_locations
+from tanteo.geometry.location_jacobians import (
     J1_at_zero,
     J2_at_zero,
     J2_at_zero_inverse,
     J_ominus,
-    compose_arrays,
-    compose_fourth_order,
     compose_jacobians,
-    compose_locations,
     differential_jacobian,
     differential_jacobian_inverse,
-    invert_location,
-    loc_to_matrix,
     location_covariance,
-    matrix_to_loc,
-    relate_arrays,
-    relate_locations,
 )
-from tanteo.sensors import range_variance, sensed_point, sensor_error_cov
+from tanteo.geometry.propagation import compose_arrays, compose_fourth_order
+from tanteo.sensors.noise import range_variance, sensed_point, sensor_error_cov
 
 Inputs = dict[str, Any]
 Outputs = dict[str, Any]
@@ -128,7 +124,7 @@ def edge_length(i: Inputs) -> Outputs:
 
 
 def point_distance(i: Inputs) -> Outputs:
-    found = features.point_distance(i["p1"], i["p2"], i["S"])
+    found = features.constraints.point.point_distance(i["p1"], i["p2"], i["S"])
     return {"l": found.value, "var": found.variance, "bias2": found.bias}
 
 
@@ -209,7 +205,9 @@ def pose_estimate(i: Inputs) -> Outputs:
         "Lambda": end.information,
         "chi2": end.chi2,
         "dof": end.equations - np.linalg.matrix_rank(end.information),
-        "log_evidence": features.laplace_log_evidence(end.chi2, end.log_det, end.equations, end.information, log_prior),
+        "log_evidence": features.constraints.joint.laplace_log_evidence(
+            end.chi2, end.log_det, end.equations, end.information, log_prior
+        ),
     }
 
 
@@ -221,7 +219,7 @@ def fuse(i: Inputs) -> Outputs:
 
 
 def range_prediction(i: Inputs) -> Outputs:
-    found = planning.predict_range(
+    found = planning.predictions.predict_range(
         loc_to_matrix(i["xWO"]), i["P"], loc_to_matrix(i["xOM"]), i["origin"], i["direction"], i["var_d"]
     )
     return {"mean": found.mean, "var": found.variance, "grad": found.gradient}
@@ -247,7 +245,7 @@ def plane_ml(i: Inputs) -> Outputs:
         "normal": T[:3, 2],
         "offset": T[:3, 2] @ T[:3, 3],
         "chi2": report.chi2,
-        "disp_cov": fitting.plane_displacement_covariance(T, plane.P, i["test_points"]),
+        "disp_cov": fitting.spread.plane_displacement_covariance(T, plane.P, i["test_points"]),
     }
 
 
@@ -255,20 +253,20 @@ def plane_two_directions(i: Inputs) -> Outputs:
     q = [i[k] for k in ("q1", "q2", "q3", "q4")]
     plane = fitting.plane_from_two_directions(*q, i["C12"], outward=i["outward"])
     T = plane.T_world_feature
-    return {"normal": T[:3, 2], "cov_normal_and_disp": fitting.plane_normal_covariance(T, plane.P)}
+    return {"normal": T[:3, 2], "cov_normal_and_disp": fitting.spread.plane_normal_covariance(T, plane.P)}
 
 
 def edge_two_points(i: Inputs) -> Outputs:
     edge = fitting.edge_from_two_points(i["q1"], i["q2"], i["C6"])
     T = edge.T_world_feature
-    return {"direction": T[:3, 0], "cov": fitting.edge_direction_covariance(T, edge.P)}
+    return {"direction": T[:3, 0], "cov": fitting.spread.edge_direction_covariance(T, edge.P)}
 
 
 def edge_from_planes(i: Inputs) -> Outputs:
     a, b = (Feature(PLANE, loc_to_matrix(i[f"x{k}"]), i[f"P{k}"]) for k in "12")
     edge = fitting.edge_from_planes(a, b, i["near"])
     T = edge.T_world_feature
-    return {"direction": T[:3, 0], "point": T[:3, 3], "cov": fitting.edge_direction_covariance(T, edge.P)}
+    return {"direction": T[:3, 0], "point": T[:3, 3], "cov": fitting.spread.edge_direction_covariance(T, edge.P)}
 
 
 def vertex_from_lines(i: Inputs) -> Outputs:
@@ -284,23 +282,23 @@ def joint_mahalanobis(i: Inputs) -> Outputs:
 
 def jcbb_increment(i: Inputs) -> Outputs:
     first = features.joint_test(i["f1"], i["H1"], i["S1"])
-    both = features.joint_update(first, i["f2"], i["H2"], i["S2"])
+    both = features.constraints.joint.joint_update(first, i["f2"], i["H2"], i["S2"])
     return {"D2_first": first.D2, "D2_both": both.D2, "xi_both": both.xi, "Lambda_both": both.information}
 
 
 def divergences(i: Inputs) -> Outputs:
     each = (i["m1"], i["S1"], i["m2"], i["S2"])
-    return {"KL": planning.kl_divergence(*each), "bhattacharyya": planning.bhattacharyya(*each)}
+    return {"KL": planning.measures.kl_divergence(*each), "bhattacharyya": planning.measures.bhattacharyya(*each)}
 
 
 def active_1d(i: Inputs) -> Outputs:
-    found = planning.gate_discrimination(i["w"], i["mu"], i["var"], i["alpha"])
+    found = planning.measures.gate_discrimination(i["w"], i["mu"], i["var"], i["alpha"])
     names = ("accept", "expected_remaining", "mutual_information", "mi_lower", "mi_upper", "error_bound")
     return {name: getattr(found, name) for name in names}
 
 
 def accept_prob(i: Inputs) -> Outputs:
-    found = planning.accept_probability(i["delta"], i["S"], i["alpha"])
+    found = planning.measures.accept_probability(i["delta"], i["S"], i["alpha"])
     return {"lam": found.noncentrality, "p": found.p}
 
 

@@ -18,7 +18,9 @@ import numpy as np
 import tanteo
 from tanteo.features import feature_covariance
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import EdgeGuess, FaceGuess, Hand, Scene, Solid, VertexGuess, Workspace, box, clearances, gripper_body
+from tanteo.hand import Hand, Workspace, gripper_body
+from tanteo.hand.acquisition import EdgeGuess, FaceGuess, VertexGuess
+from tanteo.hand.simulator import Scene, Solid, box, clearances
 from tanteo.io import read_rig
 
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"

@@ -10,7 +10,8 @@ from scipy.stats import chi2
 import tanteo
 from tanteo.factors import FreeRays, as_contact_points
 from tanteo.geometry import SE3
-from tanteo.posterior import Priors, Problem, identify_points, posterior_about, prepare
+from tanteo.posterior import Priors, Problem, identify_points, prepare
+from tanteo.posterior.update import posterior_about
 from tanteo.sensors import measure
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data" / "fixture_touches"

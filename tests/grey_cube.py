@@ -11,7 +11,9 @@ import numpy as np
 from random_parts import write_off
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.vision import Camera, find_edges, map_edges, meet
+from tanteo.vision import Camera, find_edges
+from tanteo.vision.edges import map_edges
+from tanteo.vision.fit import meet
 
 FOLDER = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "grey_cube"
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.geometry import SE3, SO3
-from tanteo.vision import Camera, RenderedObject
+from tanteo.vision import Camera
+from tanteo.vision.rendering import RenderedObject
 
 
 def rendered_slab(outline, height, T_world_slab, paint):

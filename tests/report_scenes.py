@@ -10,7 +10,8 @@ import trimesh
 from tanteo.geometry import SE3, SO3
 from tanteo.planning import Probe, Sensing, Session, Stop, at_place
 from tanteo.posterior import prepare
-from tanteo.sensors import NoiseLaw, Readings
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import NoiseLaw
 
 TRUTH = SE3.from_parts(SO3.exp(np.array([0.1, -0.2, 0.7])), np.array([0.4, -0.13, 0.05]))
 SD = 5e-5

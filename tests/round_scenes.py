@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.features import KINDS, Feature, relate_all
+from tanteo.features import Feature, relate_all
+from tanteo.features.kinds import KINDS
 from tanteo.geometry import SE3, SO3
 
 RADIUS, HALF_ANGLE = 0.01, np.radians(25.0)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.features import EDGE, PLANE, VERTEX, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import EDGE, PLANE, VERTEX
 from tanteo.geometry import SE3, SO3
 
 

@@ -11,23 +11,15 @@ from tanteo import _core
 from tanteo.errors import InputError
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
-from tanteo.planning import (
-    Action,
-    Done,
-    Probe,
-    Sensing,
-    SensingState,
-    Session,
-    Stop,
-    at_place,
-    corner_distances,
-    policy_named,
-)
-from tanteo.posterior import Posterior, Priors, Problem, corner_moves
+from tanteo.planning import Action, Done, Probe, Sensing, SensingState, Session, Stop, at_place, policy_named
+from tanteo.planning.stopping import corner_distances
+from tanteo.posterior import Posterior, Priors, Problem
+from tanteo.posterior.answers import corner_moves
 from tanteo.posterior.details import details_at
 from tanteo.posterior.near_variants import log_density_of_near_variant
 from tanteo.posterior.part_search import start_search
-from tanteo.sensors import NoiseLaw, Readings
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import NoiseLaw
 
 LASER = Probe("laser", NoiseLaw.of(3e-4), max_range=0.3, standoff=0.1)
 FLIGHT = Probe("time of flight", NoiseLaw.of(3e-3), max_range=0.6, standoff=0.2)

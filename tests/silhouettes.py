@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.vision import project, silhouette
+from tanteo.vision.camera import project
 from tanteo.vision.edges import cell_of
-from tanteo.vision.regions import bare_table
+from tanteo.vision.regions import bare_table, silhouette
 from tanteo.vision.wireframe import in_camera
 
 

@@ -13,9 +13,11 @@ import pytest
 
 import tanteo
 from tanteo.errors import InputError
-from tanteo.planning import Sensing, Session, Stop, at_place, at_pose, probe_of
+from tanteo.planning import Sensing, Session, Stop, at_place, probe_of
+from tanteo.planning.start import at_pose
 from tanteo.posterior import PosePrior, Priors, prepare
-from tanteo.sensors import Readings, sensor_preset
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import sensor_preset
 from tanteo.vision import prepare_vision
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -133,7 +135,7 @@ def test_what_is_prepared_is_kept_with_the_part_and_only_there(part):
 
 
 def test_the_cache_may_be_below_the_home_folder(monkeypatch, tmp_path):
-    from tanteo.catalogue import cache_folder
+    from tanteo.catalogue.cache import cache_folder
 
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("TANTEO_CACHE", os.path.join("~", "kept"))

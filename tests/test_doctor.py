@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import re
 import subprocess
 import sys
+import tempfile
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -95,7 +97,7 @@ def test_an_error_during_the_check_is_reported(monkeypatch):
 
 
 def test_missing_extras_are_named_with_how_to_get_them(monkeypatch, capsys):
-    monkeypatch.setattr(doctor.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     code, out = run(capsys)
     assert code == 0
     assert re.search(r"vision +no +parts in images", out)
@@ -106,7 +108,7 @@ def test_a_folder_that_cannot_be_written_is_named(monkeypatch, capsys):
     def read_only(**kwargs):
         raise PermissionError
 
-    monkeypatch.setattr(doctor.tempfile, "TemporaryFile", read_only)
+    monkeypatch.setattr(tempfile, "TemporaryFile", read_only)
     assert "cannot be written" in run(capsys)[1]
 
 

@@ -20,37 +20,33 @@ from tanteo import Action, Session, at_place, plugins, read_part
 from tanteo.cli import main
 from tanteo.errors import InputError, PartError, PluginError
 from tanteo.factors import FreeRays
-from tanteo.features import CONSTRAINT_KINDS, KINDS, PAIR_RELATIONS, PLANE, Feature, SharedError, SharedTerm, relate_all
-from tanteo.fitting import FITS, RELATIONS, ModelFeature, Pairing, estimate_pose, fit_labelled
+from tanteo.features import Feature, SharedError, SharedTerm, relate_all
+from tanteo.features.constraints import CONSTRAINT_KINDS, PAIR_RELATIONS
+from tanteo.features.kinds import KINDS, PLANE
+from tanteo.fitting import fit_labelled
+from tanteo.fitting.fits import FITS
+from tanteo.fitting.localization import RELATIONS, ModelFeature, Pairing, estimate_pose
 from tanteo.geometry import SE3
 from tanteo.hand import Workspace
-from tanteo.io import FACTORS, FORMATS, read_factor, read_readings, register_format
-from tanteo.machines import (
-    MACHINES,
-    PROGRAMS,
-    MachineLimits,
-    RefusedError,
-    SafeMachine,
-    World,
-    opened,
-    parse_machine,
-    write_program,
-)
-from tanteo.parts import CAD_READERS, Surface
-from tanteo.planning import (
-    POLICIES,
-    UTILITIES,
-    DecisionContext,
-    Probe,
-    Sensing,
-    begin,
-    policy_named,
-    propose,
-    register_utility,
-)
+from tanteo.io import read_readings
+from tanteo.io.logs import FORMATS, register_format
+from tanteo.io.readings import FACTORS, read_factor
+from tanteo.machines import MachineLimits, SafeMachine, World
+from tanteo.machines.address import MACHINES, opened, parse_machine
+from tanteo.machines.programs import PROGRAMS, write_program
+from tanteo.machines.protocol import RefusedError
+from tanteo.parts import Surface
+from tanteo.parts.readers import CAD_READERS
+from tanteo.planning import POLICIES, Probe, Sensing, begin, policy_named
+from tanteo.planning.candidates import propose
+from tanteo.planning.context import DecisionContext
+from tanteo.planning.policies import register_utility
+from tanteo.planning.utility import UTILITIES
 from tanteo.plugins import PluginWarning
-from tanteo.posterior import PROPOSERS, identify_points
-from tanteo.sensors import NoiseLaw, Readings, measure
+from tanteo.posterior import identify_points
+from tanteo.posterior.proposals import PROPOSERS
+from tanteo.sensors import Readings, measure
+from tanteo.sensors.presets import NoiseLaw
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```python\n# (\w+)\.py\n(.*?)^```$", re.DOTALL | re.MULTILINE)
@@ -506,7 +502,7 @@ def test_a_proposer_of_ones_own_takes_part(install, monkeypatch):
 def test_a_proposer_that_fails_is_named(install, body, got, request):
     module = "failing_" + request.node.callspec.id.encode().hex()[:20]
     text = (
-        "from tanteo.posterior import Proposer\nclass Own(Proposer):\n    name = 'own'\n"
+        "from tanteo.posterior.proposals import Proposer\nclass Own(Proposer):\n    name = 'own'\n"
         f"    def propose(self, problem, part, state):\n        {body}\nPROPOSER = Own()\n"
     )
     install({module: text}, {"tanteo.proposals": {"own": f"{module}:PROPOSER"}}, "own-kit")
@@ -587,7 +583,7 @@ def test_what_is_no_entry_is_refused(install, text, got, request):
 
 def test_a_name_that_is_built_in_stays_built_in(install, tmp_path):
     text = (
-        "from tanteo.io import Log, LogFormat\nfrom tanteo.parts import CadReader\n"
+        "from tanteo.io.logs import Log, LogFormat\nfrom tanteo.parts.readers import CadReader\n"
         "READER = CadReader('mine', None)\nFORMAT = LogFormat('asc', 'mine', lambda c: True, lambda c: Log())\n"
     )
     points = {"tanteo.cad_readers": {"off": "clash:READER"}, "tanteo.log_formats": {"asc": "clash:FORMAT"}}
@@ -610,7 +606,8 @@ def test_two_plug_ins_of_one_name_are_named_both(install):
 
 
 def test_a_format_is_named_as_its_entry_point(install):
-    text = "from tanteo.io import Log, LogFormat\nFORMAT = LogFormat('other', 'x', lambda c: False, lambda c: Log())\n"
+    named = "FORMAT = LogFormat('other', 'x', lambda c: False, lambda c: Log())\n"
+    text = f"from tanteo.io.logs import Log, LogFormat\n{named}"
     install({"othername": text}, {"tanteo.log_formats": {"this": "othername:FORMAT"}}, "name-kit")
     with pytest.raises(PluginError, match="expected an entry of the same name, got 'other'"):
         FORMATS.find("this")
@@ -622,10 +619,10 @@ from pathlib import Path
 import numpy as np
 
 import tanteo
-from tanteo.io import Log, LogFormat
-from tanteo.machines import MachineKind
-from tanteo.parts import CadMesh, CadReader
-from tanteo.machines import ProgramLanguage
+from tanteo.io.logs import Log, LogFormat
+from tanteo.machines.address import MachineKind
+from tanteo.parts.readers import CadMesh, CadReader
+from tanteo.machines.programs import ProgramLanguage
 
 
 def fail(*args, **more):
@@ -736,8 +733,8 @@ def test_without_plug_ins_a_factor_names_what_is_missing(tmp_path):
 def test_nothing_is_imported_before_it_is_used(acme, touched):
     folder, _ = touched
     code = (
-        "import sys, tanteo, tanteo.parts, tanteo.machines, tanteo.machines, tanteo.io, tanteo.io\n"
-        "tanteo.machines.MACHINES, tanteo.parts.CAD_READERS.names()\n"
+        "import sys, tanteo, tanteo.parts, tanteo.machines, tanteo.io\n"
+        "tanteo.machines.address.MACHINES, tanteo.parts.readers.CAD_READERS.names()\n"
         f"tanteo.read_parts({str(folder / 'wedge.tri')!r}, cache=False, workers=0)\n"
         "print([m for m in ('trifile', 'caliper', 'level', 'pendant', 'millbox') if m in sys.modules])\n"
     )
@@ -745,7 +742,7 @@ def test_nothing_is_imported_before_it_is_used(acme, touched):
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
     assert found.stdout.strip() == "['trifile']"
     code = (
-        "import sys, tanteo.cli.app, tanteo.parts\ntanteo.parts.CAD_READERS.find('stl')\n"
+        "import sys, tanteo.cli.app, tanteo.parts\ntanteo.parts.readers.CAD_READERS.find('stl')\n"
         "print('importlib.metadata' in sys.modules)"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)

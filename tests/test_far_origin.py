@@ -14,7 +14,7 @@ from tanteo.geometry import SE3
 from tanteo.parts import Part, Surface, read_part
 from tanteo.planning import Probe, at_place, plan
 from tanteo.posterior import Priors, prepare
-from tanteo.sensors import NoiseLaw
+from tanteo.sensors.presets import NoiseLaw
 from tanteo.vision import prepare_vision, see_table
 from vision_scenes import seen_alone
 

@@ -18,7 +18,7 @@ from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
 from tanteo.posterior import Priors, prepare
-from tanteo.sensors import robot_preset
+from tanteo.sensors.presets import robot_preset
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 NAMES = "bracket_left", "clamp", "housing", "step_12mm", "wedge", "t_slot"

@@ -6,9 +6,14 @@ import ast
 import importlib
 import importlib.util
 import re
+import sys
 from pathlib import Path
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+
+import exports
 
 ROOT = Path(__file__).parents[1]
 SRC = ROOT / "src" / "tanteo"
@@ -16,31 +21,18 @@ BENCHMARKS = [p for p in sorted((ROOT / "benchmarks").glob("*.py")) if p.stem !=
 """But for the one that speaks to older commits."""
 
 TESTS = sorted((ROOT / "tests").rglob("*.py"))
-INSIDE = {"tests": 118, "benchmarks": 13, "examples": 0, "docs": 0}
-"""Imports past a public API that are left, folder by folder: the numbers may fall."""
 
-
-PUBLIC = {
-    "tanteo.words.findings",
-    "tanteo.features.constraints",
-    "tanteo.geometry.limits",
-    "tanteo.geometry.special",
-    "tanteo.geometry.typing",
-}
-"""Public modules inside a package: a vocabulary of some forty findings, the constraints with ``published``, limits of
-numbers, special functions and array types."""
+EXPORTS = exports.Exports(ROOT)
 
 
 def private_imports(folder: Path) -> list[str]:
-    """Return the imports of a module inside a package from outside it."""
+    """Return the uses of names that are not in a public API, from outside of their packages."""
     found = []
     for path in sorted(folder.rglob("*.py")):
         own = path.relative_to(SRC).parts[0].removesuffix(".py") if path.is_relative_to(SRC) else ""
-        for node in ast.walk(ast.parse(path.read_text())):
-            module = (node.module or "") if isinstance(node, ast.ImportFrom) else ""
-            inside = module.startswith("tanteo.") and module.count(".") > 1 and module not in PUBLIC
-            if inside and module.split(".")[1] != own:
-                found.append(f"{path.relative_to(ROOT)}:{node.lineno} {module}")
+        for line, module, name in EXPORTS.uses(path):
+            if not f"{module}.".startswith(f"tanteo.{own}.") and not EXPORTS.exports(module, name):
+                found.append(f"{path.relative_to(ROOT)}:{line} {module}.{name}")
     return found
 
 
@@ -48,9 +40,9 @@ def test_packages_import_public_names_only():
     assert private_imports(SRC) == []
 
 
-@pytest.mark.parametrize("folder", INSIDE)
-def test_few_private_imports(folder):
-    assert len(private_imports(ROOT / folder)) <= INSIDE[folder]
+@pytest.mark.parametrize("folder", ["tests", "benchmarks", "examples", "docs"])
+def test_programs_use_public_names_only(folder):
+    assert private_imports(ROOT / folder) == []
 
 
 @pytest.mark.parametrize("path", BENCHMARKS, ids=lambda p: p.stem)

@@ -10,9 +10,10 @@ import pytest
 from tanteo import Readings, identify, read_part
 from tanteo.errors import InputError
 from tanteo.geometry.limits import LARGEST, LEAST_SD, check_length, check_places, check_spreads
-from tanteo.planning import Probe, Sensing, at_pose
+from tanteo.planning import Probe, Sensing
+from tanteo.planning.start import at_pose
 from tanteo.posterior import PosePrior, Priors, Table
-from tanteo.sensors import NoiseLaw
+from tanteo.sensors.presets import NoiseLaw
 
 POSE = np.eye(4), 1e-4 * np.eye(6)
 

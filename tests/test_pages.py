@@ -16,9 +16,10 @@ from tanteo.cli.app import app
 from tanteo.geometry import SE3
 from tanteo.io import read_scene
 from tanteo.parts import read_part
-from tanteo.planning import Probe, Session, at_pose
+from tanteo.planning import Probe, Session
+from tanteo.planning.start import at_pose
 from tanteo.posterior import prepare
-from tanteo.sensors import NoiseLaw
+from tanteo.sensors.presets import NoiseLaw
 from unknown_scenes import unknown_scene
 
 ROOT = Path(__file__).parents[1]
@@ -95,7 +96,8 @@ def engine(wedge, folder):
 
 def round_features(wedge, folder):
     """Twelve touches of a bore of 10 mm in three rings, and the face in which it is."""
-    from tanteo.features import PLANE, Feature
+    from tanteo.features import Feature
+    from tanteo.features.kinds import PLANE
 
     turn = np.tile(np.linspace(0, 2 * np.pi, 4, endpoint=False), 3)
     away = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)

@@ -24,12 +24,15 @@ from sensing_scenes import (
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import Action, Candidates, Done, Sensing, Session, Stop, at_place, at_pose, begin, probe_of, update
-from tanteo.planning.session.answer import answered, moved
+from tanteo.planning import Action, Done, Sensing, Session, Stop, at_place, begin, probe_of, update
+from tanteo.planning.candidates import Candidates
+from tanteo.planning.session import answered, moved
+from tanteo.planning.start import at_pose
 from tanteo.posterior import PosePrior, Priors, prepare
 from tanteo.recognition import identify
-from tanteo.render import headline
-from tanteo.sensors import NoiseLaw, Readings, concatenate
+from tanteo.render.html import headline
+from tanteo.sensors import Readings, concatenate
+from tanteo.sensors.presets import NoiseLaw
 from tanteo.words import percent
 from tanteo.words.findings import ChosenByUser, ReadingLimit, RepeatMisfit
 

@@ -8,19 +8,13 @@ import numpy as np
 
 from felt_scenes import gripper
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import Cell, ForbiddenBox, Rules, Scene, SimulatedHand, Solid, Workspace, box, clearances
-from tanteo.planning import (
-    Furniture,
-    Sensing,
-    Session,
-    Start,
-    Stop,
-    at_place,
-    corner_distances,
-    hand_probe,
-    policy_named,
-    reachable,
-)
+from tanteo.hand import ForbiddenBox, Workspace
+from tanteo.hand.motion import Rules
+from tanteo.hand.simulator import Cell, Scene, SimulatedHand, Solid, box, clearances
+from tanteo.planning import Furniture, Sensing, Session, Stop, at_place, hand_probe, policy_named
+from tanteo.planning.execution import reachable
+from tanteo.planning.start import Start
+from tanteo.planning.stopping import corner_distances
 
 STANDOFF, CLEARANCE = 0.04, 0.012
 SDS = np.array([0.015, 0.015, 0.005, np.radians(2), np.radians(2), np.radians(8)])

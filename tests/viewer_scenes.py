@@ -8,12 +8,12 @@ import numpy as np
 
 import tanteo.bench.demo
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import Scene, Solid, Workspace, box
+from tanteo.hand import Workspace
+from tanteo.hand.simulator import Scene, Solid, box
 from tanteo.parts import read_part
 from tanteo.planning import Session, Stop, at_place, policy_named
 from tanteo.posterior import prepare
-from tanteo.render import laser, probe_show, simulated
-from tanteo.render.live.player import HELP, YOUR_TURN
+from tanteo.render.live import HELP, YOUR_TURN, laser, probe_show, simulated
 
 PARTS = Path(tanteo.bench.demo.__file__).parent / "parts"
 TRUE = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, 0.2])), [-0.02, -0.045, 0.0])

@@ -10,17 +10,11 @@ import numpy as np
 from rendered import rendered_slab, table_camera
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.vision import (  # fmt: skip
-    Appearance,
-    Stage,
-    TableErrors,
-    find_edges,
-    map_edges,
-    on_plane,
-    prepare_vision,
-    render,
-    rendered_part,
-)
+from tanteo.vision import find_edges, prepare_vision, render
+from tanteo.vision.camera import on_plane
+from tanteo.vision.edges import map_edges
+from tanteo.vision.rendering import Appearance, Stage, rendered_part
+from tanteo.vision.table import TableErrors
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 

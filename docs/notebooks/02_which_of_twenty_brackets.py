@@ -18,7 +18,8 @@ from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.planning import Probe, Sensing, discriminate
 from tanteo.posterior import identify_points, prepare
-from tanteo.sensors import NoiseLaw, Readings
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import NoiseLaw
 
 # %%
 # The brackets

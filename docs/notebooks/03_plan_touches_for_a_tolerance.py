@@ -17,9 +17,11 @@ import numpy as np
 
 from tanteo import read_part
 from tanteo.geometry import SE3
-from tanteo.planning import Probe, Sensing, at_pose, plan
+from tanteo.planning import Probe, Sensing, plan
+from tanteo.planning.start import at_pose
 from tanteo.posterior import PosePrior, Priors, identify_points, prepare
-from tanteo.sensors import NoiseLaw, Readings
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import NoiseLaw
 
 # %%
 # The task

@@ -15,10 +15,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import tanteo.features as cs
-from tanteo.features import EDGE, PLANE
 from tanteo.features.constraints import published
-from tanteo.geometry import SE3, SO3, matrix_to_loc, relate_arrays
-from tanteo.sensors import sensor_error_cov
+from tanteo.features.kinds import EDGE, PLANE
+from tanteo.geometry import SE3, SO3, relate_arrays
+from tanteo.geometry.location import matrix_to_loc
+from tanteo.sensors.noise import sensor_error_cov
 
 N = 8000
 RNG = np.random.default_rng(1991)

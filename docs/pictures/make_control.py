@@ -18,7 +18,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import Cell, Hand, Loop, Rules, Scene, SimulatedHand, align, box, clearances, follow, gripper_body
+from tanteo.hand import Hand, gripper_body
+from tanteo.hand.motion import Loop, Rules, align, follow
+from tanteo.hand.simulator import Cell, Scene, SimulatedHand, box, clearances
 from tanteo.io import read_rig
 
 HERE = Path(__file__).resolve().parent

@@ -16,7 +16,6 @@ from .io import read_rig as read_rig
 from .parts import Part as Part
 from .parts import read_part as read_part
 from .planning import Action as Action
-from .planning import Done as Done
 from .planning import Probe as Probe
 from .planning import Sensing as Sensing
 from .planning import Session as Session
@@ -27,16 +26,12 @@ from .planning import plan as plan
 from .planning import probe_of as probe_of
 from .posterior import Answer as Answer
 from .posterior import Furniture as Furniture
-from .posterior import Hypothesis as Hypothesis
 from .posterior import PosePrior as PosePrior
 from .posterior import Priors as Priors
 from .recognition import identify as identify
 from .recognition import locate as locate
 from .sensors import Readings as Readings
 from .sensors import calibrate as calibrate
-from .sensors import robot_preset as robot_preset
-from .sensors import sensor_preset as sensor_preset
-from .vision import Camera as Camera
 from .vision import see as see
 
 __version__: str

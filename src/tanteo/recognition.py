@@ -15,25 +15,16 @@ from tanteo.errors import InputError
 from tanteo.factors import PoseFactor, as_contact_points, as_free_rays
 from tanteo.geometry.limits import check_length
 from tanteo.geometry.typing import FloatArray
-from tanteo.parts import Part, as_part, part_named
-from tanteo.posterior import (
-    DEFAULTS,
-    STATED,
-    Answer,
-    Candidates,
-    Priors,
-    Problem,
-    Settings,
-    about_conventions,
-    about_frames,
-    about_readings,
-    check_question,
-    identify_points,
-    scale_of,
-    sized,
-    with_elapsed,
-)
-from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
+from tanteo.parts import Part, part_named
+from tanteo.parts.readers import as_part
+from tanteo.posterior import DEFAULTS, Answer, Priors, Problem, identify_points, sized
+from tanteo.posterior.answers import STATED, check_question, with_elapsed
+from tanteo.posterior.candidates import Candidates
+from tanteo.posterior.convention_checks import about_conventions
+from tanteo.posterior.findings import about_frames, about_readings, scale_of
+from tanteo.posterior.settings import Settings
+from tanteo.sensors import Readings, Rig, measure, thinned, unstated_sd
+from tanteo.sensors.presets import RobotPreset, SensorPreset
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
     CheckPrior,

@@ -9,24 +9,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from tanteo.bench import (
-    BenchScene,
-    BenchSet,
-    Outcome,
-    Placement,
-    at_work,
-    bench_picture,
-    generate,
-    largest_corner_error,
-    read_scores,
-    read_set,
-    run,
-    score,
-    score_table,
-    with_decisions,
-    write_scores,
-    write_set,
-)
+from tanteo.bench import generate, read_set, write_set
+from tanteo.bench.running import Outcome, at_work, run
+from tanteo.bench.scoring import largest_corner_error, score, with_decisions
+from tanteo.bench.sets import BenchScene, BenchSet, Placement
+from tanteo.bench.tables import bench_picture, read_scores, score_table, write_scores
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 
@@ -162,7 +149,7 @@ def test_a_spoiled_set_is_refused(tmp_path, change, results):
 METHODS = """
 import os, time
 import numpy as np
-from tanteo.bench import Placement
+from tanteo.bench.sets import Placement
 
 def honest(candidates):
     print("many", "lines" * 999)

@@ -16,14 +16,14 @@ from random_parts import write_off
 from tanteo.catalogue import (
     add_to_catalogue,
     build_catalogue,
-    coarse_field,
     compiled_shape,
-    hull_points,
     known_stable_poses,
     open_catalogue,
     read_parts,
     stable_poses,
 )
+from tanteo.catalogue.signatures import coarse_field
+from tanteo.catalogue.stability import hull_points
 from tanteo.errors import InputError, PartError, UnitError
 from tanteo.parts import read_part
 from tanteo.posterior import prepare

@@ -10,7 +10,8 @@ import time
 
 import pytest
 
-from tanteo.catalogue import at_work, build_catalogue, check_scheduler, open_catalogue, run_tasks, spreading
+from tanteo.catalogue import build_catalogue, open_catalogue, pool, spreading
+from tanteo.catalogue.cluster import at_work, check_scheduler, run_tasks
 from tanteo.cli import main
 from tanteo.errors import InputError
 
@@ -201,7 +202,7 @@ def test_a_worker_with_another_version_is_reported():
 
 def test_a_file_that_is_another_one_there_is_not_taken(parts):
     path = str(parts / "p01.off")
-    (found,) = spreading.read_batch({4: spreading.Request(path, "mm", "p01", key="f" * 64, record=True)}).values()
+    (found,) = spreading.read_batch({4: pool.Request(path, "mm", "p01", key="f" * 64, record=True)}).values()
     assert found.startswith(f"{path}: expected the same file on every worker")
 
 
@@ -228,7 +229,7 @@ def test_processes_end_when_who_began_them_was_killed():
 def test_processes_wait_for_one_that_is_connected():
     from distributed import Client
 
-    from tanteo.catalogue import own_processes
+    from tanteo.catalogue.cluster import own_processes
 
     with own_processes(1) as client:
         assert client.run_on_scheduler(lambda dask_scheduler: dask_scheduler.idle_timeout) is None

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tanteo.catalogue import cache_folder, read_parts
+from tanteo.catalogue import read_parts
+from tanteo.catalogue.cache import cache_folder
 from tanteo.errors import PartError
 from tanteo.parts import read_part
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tanteo.catalogue import cache_folder, read_parts
+from tanteo.catalogue import read_parts
+from tanteo.catalogue.cache import cache_folder
 from tanteo.errors import InputError, UnitError
 from tanteo.parts import read_part
 

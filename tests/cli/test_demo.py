@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shutil
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -60,16 +62,16 @@ def test_the_two_candidates_differ_for_camera_at_edges_alone():
     pytest.importorskip("cv2", reason="the extra tanteo[vision] is not installed")
     import cv2
 
-    from tanteo.bench import set_stage
+    from tanteo.bench.demo import set_stage
 
-    stage = set_stage()
-    shown = cv2.imdecode(np.frombuffer(stage.seen.likenesses, dtype=np.uint8), cv2.IMREAD_COLOR)
+    shop = set_stage()
+    shown = cv2.imdecode(np.frombuffer(shop.seen.likenesses, dtype=np.uint8), cv2.IMREAD_COLOR)
     orange = (shown == (0, 110, 230)).all(axis=-1)
     assert 0.002 < orange.mean() < 0.03
     assert orange[:, : 2 * shown.shape[1] // 3].sum() == 0
-    session = stage.session("information", 0)
-    assert session.start is stage.start
-    assert stage.solid.name == "step_12mm"
+    session = shop.session("information", 0)
+    assert session.start is shop.start
+    assert shop.solid.name == "step_12mm"
 
 
 def test_what_to_do_next_can_be_typed_as_it_stands(monkeypatch, tmp_path):
@@ -77,11 +79,11 @@ def test_what_to_do_next_can_be_typed_as_it_stands(monkeypatch, tmp_path):
 
     here = tmp_path / "tanteo"
     here.touch()
-    monkeypatch.setattr(demo.shutil, "which", lambda name: None)
-    monkeypatch.setattr(demo.sys, "argv", [str(here), "demo"])
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setattr(sys, "argv", [str(here), "demo"])
     assert demo.program_here() == str(here)
-    monkeypatch.setattr(demo.sys, "argv", ["-c", "demo"])
+    monkeypatch.setattr(sys, "argv", ["-c", "demo"])
     assert demo.program_here() == "tanteo"
-    monkeypatch.setattr(demo.shutil, "which", lambda name: "/usr/bin/tanteo")
-    monkeypatch.setattr(demo.sys, "argv", [str(here), "demo"])
+    monkeypatch.setattr(shutil, "which", lambda name: "/usr/bin/tanteo")
+    monkeypatch.setattr(sys, "argv", [str(here), "demo"])
     assert demo.program_here() == "tanteo"

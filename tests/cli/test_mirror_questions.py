@@ -15,7 +15,9 @@ from tanteo.factors import ContactPoints, FreeRays
 from tanteo.geometry import SE3
 from tanteo.io import read_readings
 from tanteo.parts import Surface, read_part
-from tanteo.posterior import Answer, Candidates, Priors, Problem, about_conventions
+from tanteo.posterior import Answer, Priors, Problem
+from tanteo.posterior.candidates import Candidates
+from tanteo.posterior.convention_checks import about_conventions
 from tanteo.sensors import Readings
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

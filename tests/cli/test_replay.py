@@ -10,7 +10,8 @@ import pytest
 from sensing_scenes import LASER, true_range
 from tanteo.io import recognition_document, write_record
 from tanteo.parts import read_part
-from tanteo.planning import Action, Sensing, Session, Stop, at_pose
+from tanteo.planning import Action, Sensing, Session, Stop
+from tanteo.planning.start import at_pose
 from tanteo.posterior import prepare
 
 

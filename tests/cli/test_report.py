@@ -58,7 +58,7 @@ def test_an_unwritable_file_is_reported(run, ended_session, tmp_path, monkeypatc
     def full(*args, **kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("tanteo.render.write_report", full)
+    monkeypatch.setattr("tanteo.render.html.write_report", full)
     result = run(*ended_session, "--report", tmp_path / "report.html")
     assert result.code == 1
     assert "No space left on device" in result.err

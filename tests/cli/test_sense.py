@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tanteo.cli import main
-from tanteo.hand import features_of
+from tanteo.hand.acquisition import features_of
 from tanteo.io import read_readings, read_rig
 
 SCENE = str(Path(__file__).parents[2] / "examples" / "scenes" / "bracket.toml")

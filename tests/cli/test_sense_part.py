@@ -154,7 +154,7 @@ def test_an_interruption_keeps_the_record_of_the_readings(sense, run, tmp_path, 
             raise KeyboardInterrupt
         return []
 
-    monkeypatch.setattr("tanteo.render.visit_lines", interrupt)
+    monkeypatch.setattr("tanteo.render.text.visit_lines", interrupt)
     record = tmp_path / "session.json"
     code, out, err = sense("--record", str(record))
     assert (code, out) == (130, "")
@@ -176,7 +176,7 @@ def test_the_record_is_there_before_the_end(sense, tmp_path, monkeypatch, suffix
             counts.append(len(kept))
         return []
 
-    monkeypatch.setattr("tanteo.render.visit_lines", print_visit)
+    monkeypatch.setattr("tanteo.render.text.visit_lines", print_visit)
     sense("--max-measurements", "1", "--record", str(record))
     assert counts
     assert counts[0] > 0

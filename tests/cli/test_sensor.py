@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from tanteo.io import read_readings, read_rig, write_readings
-from tanteo.sensors import Readings, robot_presets, sensor_presets
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import robot_presets, sensor_presets
 
 READINGS = Path(__file__).parents[2] / "examples" / "readings"
 LOG, RIG = READINGS / "plane_log.csv", READINGS / "tof_rig.toml"

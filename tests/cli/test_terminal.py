@@ -18,7 +18,7 @@ def terminal(monkeypatch):
 
     def call(columns):
         monkeypatch.setenv("COLUMNS", str(columns))
-        monkeypatch.setattr(printing.sys.stdout, "isatty", lambda: True, raising=False)
+        monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
 
     return call
 

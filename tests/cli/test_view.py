@@ -9,7 +9,7 @@ import pytest
 
 import tanteo.bench.demo
 from tanteo.planning import Action
-from tanteo.render import Show
+from tanteo.render.live import Show
 
 DEMO = Path(tanteo.bench.demo.__file__).parent
 SCENE = ("--scene", DEMO / "scene.toml")
@@ -32,8 +32,8 @@ def opened(there, monkeypatch):
         ready("http://127.0.0.1:8080")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tanteo.render.play", stand_in)
-    monkeypatch.setattr("tanteo.render.replay", stand_in)
+    monkeypatch.setattr("tanteo.render.live.play", stand_in)
+    monkeypatch.setattr("tanteo.render.live.replay", stand_in)
     return calls
 
 
@@ -90,7 +90,7 @@ def test_a_bare_laser_in_a_scene_of_ones_own(run, opened):
 
 def test_a_record_is_shown_step_by_step(run, opened, tmp_path):
     from tanteo.io import write_record
-    from tanteo.render import moments
+    from tanteo.render.live import moments
 
     run("view", *SCENE, *PARTS, "--bare")
     make = opened.pop()[0][0]

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.fitting import motion_scale
+from tanteo.fitting.localization import motion_scale
 from tanteo.geometry import SE3
-from tanteo.vision import EDGES
 from tanteo.vision.camera import Camera, project, project_linearized
 from tanteo.vision.edges import cell_of, channel_of
+from tanteo.vision.settings import EDGES
 
 SIZE = 96, 64
 DIAGONAL, MIDDLE, SLACK = 0.1, np.array([0.01, -0.02, 0.005]), 2e-5

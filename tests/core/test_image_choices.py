@@ -10,7 +10,7 @@ import pytest
 from core.image_oracle import Sliding, scene
 from tanteo import _core
 from tanteo.geometry import SE3, SO3
-from tanteo.vision import EDGES
+from tanteo.vision.settings import EDGES
 
 YAWS, APART = 12, 6.0
 CENTRE = np.array([0.01, 0.0, 0.01])

@@ -10,7 +10,7 @@ import pytest
 from core.image_oracle import DIAGONAL, SIZE, meet, refine, scene, see
 from tanteo import _core
 from tanteo.geometry import SE3
-from tanteo.vision import project
+from tanteo.vision.camera import project
 
 LENSES = [(), (-0.2, 0.05, 1e-3, -2e-3), (-0.2, 0.05, 1e-3, -2e-3, 0.01, 0.02, -0.01, 0.005)]
 REACH = 40.0

@@ -14,10 +14,11 @@ from tanteo.factors import ContactPoints, FreeRays
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
 from tanteo.posterior import OnTable, Priors, Problem, prepare
-from tanteo.vision import EDGES, EVIDENCE, find_regions, meet
 from tanteo.vision.candidates import own_edges
+from tanteo.vision.fit import meet
 from tanteo.vision.image_edges import ImageEdges, Sums, Weights, chance_hits
-from tanteo.vision.regions import bare_table
+from tanteo.vision.regions import bare_table, find_regions
+from tanteo.vision.settings import EDGES, EVIDENCE
 from tanteo.vision.wireframe import see_edges
 from vision_scenes import PARTS, bracket, seen_alone
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tanteo import _core
-from tanteo.features import CIRCLE, CONE, CYLINDER, SPHERE
+from tanteo.features.kinds import CIRCLE, CONE, CYLINDER, SPHERE
 
 ROWS = [np.array(kind.rows, dtype=np.int32) for kind in (CIRCLE, CYLINDER, CONE, SPHERE)]
 NONE = np.zeros(0)

@@ -10,7 +10,8 @@ import pytest
 from scenes import random_pose, touch
 from tanteo.errors import InputError
 from tanteo.factors import as_labelled_points
-from tanteo.features import EDGE, HALF_EDGE, PLANE, VERTEX, Feature, SharedError, SharedTerm
+from tanteo.features import Feature, SharedError, SharedTerm
+from tanteo.features.kinds import EDGE, HALF_EDGE, PLANE, VERTEX
 from tanteo.geometry import SE3
 
 FLIP = SE3.exp(np.array([0, 0, 0, np.pi, 0, 0]))

@@ -7,25 +7,17 @@ import pytest
 
 from tanteo.errors import CovarianceError, InputError
 from tanteo.features import (
-    EDGE,
-    KINDS,
-    PLANE,
-    VERTEX,
     Feature,
     SharedError,
     SharedTerm,
     collect_shared,
     cross_covariance,
     feature_covariance,
-    feature_kind,
-    flip_edge,
-    reframe,
-    reframe_feature,
-    reframe_near,
-    register_kind,
     shared_root,
     stacked_covariance,
 )
+from tanteo.features.kinds import EDGE, KINDS, PLANE, VERTEX, feature_kind, register_kind
+from tanteo.features.reframing import flip_edge, reframe, reframe_feature, reframe_near
 from tanteo.geometry import SE3
 
 

@@ -5,20 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tanteo.features import (
-    CIRCLE,
-    CONE,
-    CYLINDER,
-    EDGE,
-    KINDS,
-    PLANE,
-    SPHERE,
-    VERTEX,
-    Feature,
-    Round,
-    outline,
-    outlines_off,
-)
+from tanteo.features import Feature, Round, outline, outlines_off
+from tanteo.features.kinds import CIRCLE, CONE, CYLINDER, EDGE, KINDS, PLANE, SPHERE, VERTEX
 from tanteo.geometry import SE3
 
 T = SE3.exp(np.array([0.1, -0.2, 0.05, 0.4, 0.3, -0.6]))

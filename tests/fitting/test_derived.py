@@ -8,7 +8,8 @@ from scipy import special
 
 import tanteo.fitting as ft
 from tanteo.errors import DegenerateError, InputError
-from tanteo.features import EDGE, PLANE, VERTEX, Feature, SharedError, SharedTerm
+from tanteo.features import Feature, SharedError, SharedTerm
+from tanteo.features.kinds import EDGE, PLANE, VERTEX
 from tanteo.geometry import SE3, SO3
 
 N = 4000
@@ -113,7 +114,7 @@ def test_the_papers_plane_and_edge_have_their_closed_forms():
     corner[0:3, 6:9] = corner[6:9, 0:3] = np.eye(3)  # q3 is q1
     plane = ft.plane_from_two_directions(*q, sd**2 * corner, outward=[0, 0, 1])
     T = plane.T_world_feature
-    normal = ft.plane_normal_covariance(T, plane.P)
+    normal = ft.spread.plane_normal_covariance(T, plane.P)
     np.testing.assert_allclose(T[:3, 2], [0, 0, 1])
     np.testing.assert_allclose(np.diag(normal)[:3], [2 * sd**2 / L1**2, 2 * sd**2 / L2**2, 0], atol=1e-18)
     np.testing.assert_allclose(normal[0, 1], sd**2 / (L1 * L2))
@@ -153,6 +154,7 @@ def test_the_general_fit_beats_the_papers_plane():
     ends = ft.plane_from_two_directions(*q, sd**2 * C, outward=[0, 0, 1])
     corners = np.array([[0, 0, 0], [0.04, 0, 0], [0, 0.04, 0], [0.04, 0.04, 0]])
     worst = [
-        np.sqrt(np.diag(ft.plane_displacement_covariance(f.T_world_feature, f.P, corners)).max()) for f in (ends, full)
+        np.sqrt(np.diag(ft.spread.plane_displacement_covariance(f.T_world_feature, f.P, corners)).max())
+        for f in (ends, full)
     ]
     assert worst[0] / worst[1] > 2

@@ -8,7 +8,8 @@ from scipy import special
 
 import tanteo.fitting as ft
 from tanteo.errors import DegenerateError, InputError
-from tanteo.features import EDGE, PLANE, VERTEX, SharedError, relate, relate_all
+from tanteo.features import SharedError, relate, relate_all
+from tanteo.features.kinds import EDGE, PLANE, VERTEX
 from tanteo.geometry import SE3, SO3
 
 N = 4000

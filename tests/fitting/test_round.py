@@ -10,7 +10,8 @@ from scipy.optimize import least_squares
 import tanteo.fitting as ft
 from round_scenes import RADIUS, error_of, nees, random_frame, round_points, size_of
 from tanteo.errors import DegenerateError, InputError, SideError
-from tanteo.features import CIRCLE, CONE, CYLINDER, KINDS, PLANE, SPHERE, Feature, SharedError
+from tanteo.features import Feature, SharedError
+from tanteo.features.kinds import CIRCLE, CONE, CYLINDER, KINDS, PLANE, SPHERE
 from tanteo.geometry import SE3, SO3
 
 N, SD = 600, 1e-5

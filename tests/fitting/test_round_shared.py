@@ -9,7 +9,8 @@ from scipy import special
 import tanteo.fitting as ft
 from round_scenes import RADIUS, error_of, nees, random_frame, round_points, size_of, whole_covariance
 from tanteo.errors import InputError, SideError
-from tanteo.features import CYLINDER, KINDS, PLANE, SPHERE, Feature, SharedError
+from tanteo.features import Feature, SharedError
+from tanteo.features.kinds import CYLINDER, KINDS, PLANE, SPHERE
 from tanteo.geometry import SE3, SO3
 
 SD, SHARED_SD, N, TRIALS = 2e-6, 1e-5, 16, 120

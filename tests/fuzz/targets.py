@@ -93,7 +93,7 @@ def answer(path):
 
 READERS = {
     "readings": tanteo.read_readings,
-    "log": read_log, "rig": tanteo.read_rig, "scene": tanteo.io.read_scene,
+    "log": read_log, "rig": tanteo.io.read_rig, "scene": tanteo.io.read_scene,
     "prior": tanteo.io.read_prior, "record": tanteo.io.read_record, "camera": tanteo.read_camera,
     "marks": tanteo.io.read_marks, "image": tanteo.read_image, "mesh": read_mesh, "step": read_in_process,
     "cache": read_entry, "catalogue": read_catalogue,
@@ -122,7 +122,7 @@ def seeds(folder: Path) -> dict[str, list[Path]]:
     for name, (_, content, _) in CASES.items():
         (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
     out["log"] = [folder / name for name in CASES]
-    tanteo.io.write_rig(tanteo.read_rig("paper-gripper"), folder / "rig.toml")
+    tanteo.io.write_rig(tanteo.io.read_rig("paper-gripper"), folder / "rig.toml")
     out["rig"] = [folder / "rig.toml"]
     out["mesh"] = list(_meshes(folder))
     out["image"] = list(_images(folder))

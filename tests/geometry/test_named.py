@@ -9,7 +9,8 @@ import pytest
 
 from tanteo import geometry
 from tanteo.errors import CovarianceError, InputError
-from tanteo.geometry import GTSAM, ROS, SE3, SO3, SPATIAL, TANTEO, CovarianceConvention, NamedCovariance, UncertainFrame
+from tanteo.geometry import ROS, SE3, SO3, UncertainFrame
+from tanteo.geometry.named import GTSAM, SPATIAL, TANTEO, CovarianceConvention, NamedCovariance
 
 ORDERS = ("x y z rx ry rz", "rx ry rz x y z")
 EVERY = [CovarianceConvention(*c) for c in itertools.product(ORDERS, ("part", "world"), ("right", "left"))]
@@ -27,7 +28,7 @@ def uncertain(seed, batch=(), sigma=1e-3):
 class TestRoundTrips:
     def test_there_and_back(self, convention, batch):
         frame = uncertain(1, batch)
-        named = geometry.name_covariance(frame, convention)
+        named = geometry.named.name_covariance(frame, convention)
         assert named.convention == convention
         back = geometry.uncertain_frame(named)
         np.testing.assert_allclose(back.C, frame.C, atol=1e-13 * np.abs(frame.C).max(initial=1.0))
@@ -36,8 +37,8 @@ class TestRoundTrips:
     def test_through_any_other(self, convention, batch):
         frame = uncertain(2, batch)
         for other in EVERY:
-            named = geometry.convert_covariance(geometry.name_covariance(frame, convention), other)
-            direct = geometry.name_covariance(frame, other)
+            named = geometry.named.convert_covariance(geometry.named.name_covariance(frame, convention), other)
+            direct = geometry.named.name_covariance(frame, other)
             np.testing.assert_allclose(
                 named.covariance, direct.covariance, atol=1e-12 * np.abs(direct.covariance).max(initial=1e-300)
             )
@@ -50,8 +51,8 @@ def test_flat_forms(batch):
     assert flat.shape == (*batch, 36)
     tolerance = 1e-13 * np.abs(frame.C).max(initial=1.0)
     np.testing.assert_allclose(geometry.from_ros_covariance(frame.T, flat).C, frame.C, atol=tolerance)
-    gtsam_like = geometry.as_gtsam_covariance(frame)
-    np.testing.assert_allclose(geometry.from_gtsam_covariance(frame.T, gtsam_like).C, frame.C, atol=tolerance)
+    gtsam_like = geometry.named.as_gtsam_covariance(frame)
+    np.testing.assert_allclose(geometry.named.from_gtsam_covariance(frame.T, gtsam_like).C, frame.C, atol=tolerance)
 
 
 def errors_of(T, truth, convention):
@@ -70,7 +71,7 @@ def errors_of(T, truth, convention):
 @pytest.mark.parametrize("convention", [TANTEO, ROS, GTSAM, SPATIAL])
 def test_gain_is_the_derivative_of_the_definition(convention):
     T, h = uncertain(4, (5,)).T, 1e-6
-    G = geometry.convention_jacobian(T, convention)
+    G = geometry.named.convention_jacobian(T, convention)
     for k, step in enumerate(h * np.eye(6)):
         ahead, minus = (errors_of(T, T @ SE3.exp(s), convention) for s in (step, -step))
         np.testing.assert_allclose(G[..., k], (ahead - minus) / (2 * h), atol=1e-8)
@@ -80,7 +81,7 @@ def test_gain_is_the_derivative_of_the_definition(convention):
 def test_meaning_by_sampling(convention):
     frame, rng, n = uncertain(5), np.random.default_rng(6), 20000
     errors = errors_of(frame.T, geometry.sample(frame, rng, (n,)), convention)
-    C = geometry.name_covariance(frame, convention).covariance
+    C = geometry.named.name_covariance(frame, convention).covariance
     white = np.linalg.solve(np.linalg.cholesky(C), errors.T)
     np.testing.assert_allclose(white @ white.T / n, np.eye(6), atol=5 * np.sqrt(2 / n))
 
@@ -102,7 +103,7 @@ def test_ros_rows_by_hand():
     np.testing.assert_allclose(
         geometry.as_ros_covariance(frame).reshape(6, 6), np.diag([2.0, 1, 3, 5, 4, 6]), atol=1e-15
     )
-    np.testing.assert_allclose(geometry.as_gtsam_covariance(frame), np.diag([4.0, 5, 6, 1, 2, 3]), atol=1e-15)
+    np.testing.assert_allclose(geometry.named.as_gtsam_covariance(frame), np.diag([4.0, 5, 6, 1, 2, 3]), atol=1e-15)
 
 
 def test_roll_pitch_yaw_is_another_covariance():
@@ -111,9 +112,9 @@ def test_roll_pitch_yaw_is_another_covariance():
     flat = np.array([0.1, 0.2, 0.3, 0.7, 0.0, 0.0])
     pitched = np.array([0.1, 0.2, 0.3, 0.7, 1.0, 0.5])
     for x, same in ((flat, True), (pitched, False)):
-        frame = UncertainFrame(geometry.loc_to_matrix(x), C)
+        frame = UncertainFrame(geometry.location.loc_to_matrix(x), C)
         ros = geometry.as_ros_covariance(frame).reshape(6, 6)
-        assert np.allclose(geometry.location_covariance(x, C), ros, atol=1e-12) == same
+        assert np.allclose(geometry.location_jacobians.location_covariance(x, C), ros, atol=1e-12) == same
 
 
 def test_refusals():
@@ -145,18 +146,20 @@ class TestAgainstGtsam:
         a, b = uncertain(10), uncertain(11)
         H1, H2 = np.zeros((6, 6), order="F"), np.zeros((6, 6), order="F")
         pose = self.gtsam.Pose3(a.T).between(self.gtsam.Pose3(b.T), H1, H2)
-        C1, C2 = geometry.as_gtsam_covariance(a), geometry.as_gtsam_covariance(b)
+        C1, C2 = geometry.named.as_gtsam_covariance(a), geometry.named.as_gtsam_covariance(b)
         ours = geometry.relate(a, b)
         np.testing.assert_allclose(pose.matrix(), ours.T, atol=1e-12)
-        np.testing.assert_allclose(H1 @ C1 @ H1.T + H2 @ C2 @ H2.T, geometry.as_gtsam_covariance(ours), atol=1e-15)
+        np.testing.assert_allclose(
+            H1 @ C1 @ H1.T + H2 @ C2 @ H2.T, geometry.named.as_gtsam_covariance(ours), atol=1e-15
+        )
 
     def test_marginal_of_a_prior(self):
         frame = uncertain(12)
         graph, values = self.gtsam.NonlinearFactorGraph(), self.gtsam.Values()
-        noise = self.gtsam.noiseModel.Gaussian.Covariance(geometry.as_gtsam_covariance(frame))
+        noise = self.gtsam.noiseModel.Gaussian.Covariance(geometry.named.as_gtsam_covariance(frame))
         pose = self.gtsam.Pose3(frame.T)
         graph.add(self.gtsam.PriorFactorPose3(0, pose, noise))
         values.insert(0, pose)
         marginal = self.gtsam.Marginals(graph, values).marginalCovariance(0)
-        back = geometry.from_gtsam_covariance(frame.T, 0.5 * (marginal + marginal.T))
+        back = geometry.named.from_gtsam_covariance(frame.T, 0.5 * (marginal + marginal.T))
         np.testing.assert_allclose(back.C, frame.C, atol=1e-9 * np.abs(frame.C).max())

@@ -5,16 +5,8 @@ import pytest
 
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import (
-    Body,
-    Hand,
-    advance,
-    gripper_body,
-    point_velocities,
-    pose_difference,
-    rotation_twist,
-    translation_twist,
-)
+from tanteo.hand import Body, Hand, gripper_body
+from tanteo.hand.twists import advance, point_velocities, pose_difference, rotation_twist, translation_twist
 from tanteo.io import read_rig
 from tanteo.sensors import Rig
 

@@ -255,7 +255,7 @@ def test_topics_are_of_recordings_only(tmp_path):
 
 
 def test_a_message_without_a_field_is_refused_by_name():
-    messages = io.RosMessages(kinds={"/range": io.RANGE})
+    messages = io.documents.RosMessages(kinds={"/range": io.documents.RANGE})
     stamp = SimpleNamespace(sec=1, nanosec=0)
     header = SimpleNamespace(stamp=stamp, frame_id="tof")
     with pytest.raises(ReadingsError, match=r"/range: expected messages of sensor_msgs/msg/Range .*max_range"):

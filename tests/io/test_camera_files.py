@@ -11,7 +11,7 @@ import pytest
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.io import read_camera, read_image, read_marks, write_image
-from tanteo.vision import USUAL_EDGE_SD
+from tanteo.vision.camera import USUAL_EDGE_SD
 
 WRITE_IT = "Write distortion_coefficients: [k1, k2, p1, p2, k3]"
 """What each refusal of a distortion advises."""

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError, UnitError
-from tanteo.io import read_rig, rig_text
+from tanteo.io import read_rig
+from tanteo.io.documents import rig_text
 
 GOOD = '# a rig\n\n[sensors.eye]\npreset = "vl53l0x"\nposition_mm = [1, 2, 30]\ndirection = [0, 3, 4]\n'
 

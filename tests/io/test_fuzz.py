@@ -8,7 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tanteo.errors import InputError, TanteoError
-from tanteo.io import parse_length, read_readings, read_rig
+from tanteo.io import read_readings, read_rig
+from tanteo.io.readings import parse_length
 
 RELAXED = settings(
     max_examples=100, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]

@@ -7,7 +7,8 @@ import pytest
 
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
-from tanteo.io import parse_pose, parse_pose_prior, pose_as_brand
+from tanteo.io import pose_as_brand
+from tanteo.io.poses import parse_pose, parse_pose_prior
 
 T = SE3.from_parts(SO3.exp(np.array([0.2, -0.1, 1.2])), np.array([0.21, -0.4, 0.05]))
 

@@ -9,7 +9,8 @@ import pytest
 
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3, UncertainFrame, from_ros_covariance
-from tanteo.io import BRANDS, POSE_NAMES, pose_from_brand, read_prior, write_pose
+from tanteo.io import BRANDS, pose_from_brand, read_prior, write_pose
+from tanteo.io.poses import POSE_NAMES
 
 NUMBER = re.compile(r"-?\d+\.\d+(?:[eE][-+]?\d+)?")
 

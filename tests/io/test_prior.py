@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError, TanteoError
-from tanteo.geometry import ROS, SE3, name_covariance
-from tanteo.io import parse_box, parse_pose_prior, parse_table, pose_as_brand, read_prior
+from tanteo.geometry import ROS, SE3
+from tanteo.geometry.named import name_covariance
+from tanteo.io import pose_as_brand, read_prior
+from tanteo.io.poses import parse_box, parse_pose_prior, parse_table
 
 
 def read(tmp_path, text):

@@ -5,8 +5,10 @@ import pytest
 
 from tanteo.errors import InputError, UnitError
 from tanteo.geometry import SE3
-from tanteo.io import read_rig, rig_text, write_rig
-from tanteo.sensors import Rig, RigSensor, sensor_preset
+from tanteo.io import read_rig, write_rig
+from tanteo.io.documents import rig_text
+from tanteo.sensors import Rig, RigSensor
+from tanteo.sensors.presets import sensor_preset
 
 RIG = """
 [sensors.left]

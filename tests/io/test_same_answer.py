@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 
-from tanteo.io import differences
+from tanteo.io.documents import differences
 
 THEN = {
     "version": "0.1.0", "status": "recognized", "unknown_probability": 0.125, "elapsed_s": {"total": 1.0},

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError, PartError, TanteoError
-from tanteo.hand import EdgeGuess, FaceGuess, VertexGuess
+from tanteo.hand.acquisition import EdgeGuess, FaceGuess, VertexGuess
 from tanteo.io import read_scene
 
 CUBE = np.array([[x, y, z] for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1)])

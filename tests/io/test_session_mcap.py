@@ -10,7 +10,8 @@ import pytest
 from sensing_scenes import drawn_truth, new_session, rough, true_range
 from tanteo.errors import InputError
 from tanteo.geometry import from_ros_covariance
-from tanteo.io import load_record, pose_from_brand, read_readings, read_record, session_document, write_record
+from tanteo.io import load_record, pose_from_brand, read_readings, read_record, write_record
+from tanteo.io.documents import session_document
 from tanteo.parts import read_part
 from tanteo.posterior import prepare
 from tanteo.sensors import Readings

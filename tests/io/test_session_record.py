@@ -18,11 +18,14 @@ from sensing_scenes import LASER, drawn_truth, new_session, rough, true_range
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.hand import ForbiddenBox, Workspace
-from tanteo.io import load_record, part_file, parts_of, read_record, read_rig, resumed, session_document, write_record
+from tanteo.io import load_record, read_record, read_rig, write_record
+from tanteo.io.documents import part_file, parts_of, resumed, session_document
 from tanteo.parts import read_part
-from tanteo.planning import POLICIES, Action, Sensing, Session, Stop, at_pose, probe_of
+from tanteo.planning import POLICIES, Action, Sensing, Session, Stop, probe_of
+from tanteo.planning.start import at_pose
 from tanteo.posterior import prepare
-from tanteo.sensors import Readings, sensor_preset
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import sensor_preset
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RELAXED = settings(

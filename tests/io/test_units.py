@@ -3,7 +3,7 @@ import math
 import pytest
 
 from tanteo.errors import UnitError
-from tanteo.io import parse_angle, parse_length, parse_lengths
+from tanteo.io.readings import parse_angle, parse_length, parse_lengths
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,8 @@ import pytest
 
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3, UncertainFrame
-from tanteo.io import parse_work_frame, pose_from_brand, write_work_frame
+from tanteo.io import pose_from_brand
+from tanteo.io.poses import parse_work_frame, write_work_frame
 
 C = np.diag([1e-8] * 3 + [1e-7] * 3)
 CORNERS = np.stack(np.meshgrid([0, 0.1], [0, 0.2], [0, 0.05]), axis=-1).reshape(8, 3)

@@ -27,10 +27,10 @@ from tanteo.machines import (
     LinuxCncMachine,
     MachineLimits,
     SafeMachine,
-    TcpLink,
     UrFake,
     UrMachine,
 )
+from tanteo.machines.link import TcpLink
 
 KINDS = ("grbl", "linuxcnc", "ur")
 TRUE = 0.004

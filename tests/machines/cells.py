@@ -10,24 +10,13 @@ from contextlib import contextmanager
 import numpy as np
 
 from tanteo.geometry import SE3
-from tanteo.machines import (
-    Address,
-    DirectMachine,
-    Faults,
-    GrblFake,
-    GrblMachine,
-    Machine,
-    SerialLink,
-    TcpLink,
-    UrFake,
-    UrMachine,
-    World,
-    opened,
-    parse_machine,
-)
-from tanteo.machines.address import machine_kind
+from tanteo.machines import DirectMachine, Faults, GrblFake, GrblMachine, UrFake, UrMachine, World
+from tanteo.machines.address import Address, machine_kind, opened, parse_machine
+from tanteo.machines.link import SerialLink, TcpLink
+from tanteo.machines.protocol import Machine
 from tanteo.parts import Surface
-from tanteo.planning import Sensing, Session, Stop, at_pose, probe_of
+from tanteo.planning import Sensing, Session, Stop, probe_of
+from tanteo.planning.start import at_pose
 
 DOWN = np.array([0.0, 0.0, -1.0])
 NO_FAULTS = Faults()

@@ -15,11 +15,10 @@ from tanteo.machines import (
     LinuxCncMachine,
     MachineLimits,
     SafeMachine,
-    SerialLink,
-    TcpLink,
     UrMachine,
     stop_on_signals,
 )
+from tanteo.machines.link import SerialLink, TcpLink
 
 KINDS = {"grbl": GrblMachine, "linuxcnc": LinuxCncMachine, "ur": UrMachine}
 

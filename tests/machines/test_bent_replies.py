@@ -12,18 +12,9 @@ import pytest
 from machines.bending import bent, of_rows
 from machines.bent_replies import ENDS, KINDS, NEAR, NUMBERS, TRUE, connected, runs, scenario
 from machines.cells import DOWN, START, at, world
-from tanteo.machines import (
-    GrblFake,
-    GrblMachine,
-    LinkLostError,
-    LinuxCncFake,
-    MachineError,
-    MachineLimits,
-    SafeMachine,
-    StoppedError,
-    TcpLink,
-    UrFake,
-)
+from tanteo.machines import GrblFake, GrblMachine, LinuxCncFake, MachineLimits, SafeMachine, UrFake
+from tanteo.machines.link import TcpLink
+from tanteo.machines.protocol import LinkLostError, MachineError, StoppedError
 
 LIMITS = MachineLimits(travel=0.2, stale=0.4, grace=0.6)
 

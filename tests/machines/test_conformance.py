@@ -9,16 +9,8 @@ import numpy as np
 import pytest
 
 from machines.cells import DOWN, START, at, cell, driver, drivers, world
-from tanteo.machines import (
-    ContactError,
-    Faults,
-    LateError,
-    LinkLostError,
-    MachineError,
-    MachineLimits,
-    SafeMachine,
-    StoppedError,
-)
+from tanteo.machines import Faults, MachineLimits, SafeMachine
+from tanteo.machines.protocol import ContactError, LateError, LinkLostError, MachineError, StoppedError
 
 FAST, SECONDS = 0.05, 5.0
 START_POSE = at(30, 20, 100)

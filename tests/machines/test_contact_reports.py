@@ -10,15 +10,8 @@ import pytest
 from machines.cells import DOWN, START, at, driver, world
 from tanteo.errors import InputError
 from tanteo.hand import ForbiddenBox, Workspace
-from tanteo.machines import (
-    DirectMachine,
-    MachineLimits,
-    MachineStatus,
-    RefusedError,
-    SafeMachine,
-    Sensed,
-    StoppedError,
-)
+from tanteo.machines import DirectMachine, MachineLimits, SafeMachine
+from tanteo.machines.protocol import MachineStatus, RefusedError, Sensed, StoppedError
 
 LIMITS = MachineLimits(travel=0.2, stale=1.0, grace=2.0)
 MM = 1e-3

@@ -8,19 +8,9 @@ import numpy as np
 import pytest
 
 from machines.cells import DOWN, START, at, driver, world
-from tanteo.machines import (
-    ContactError,
-    Faults,
-    GrblFake,
-    GrblMachine,
-    LateError,
-    LinkLostError,
-    LinuxCncFake,
-    LinuxCncMachine,
-    MachineError,
-    StoppedError,
-    TcpLink,
-)
+from tanteo.machines import Faults, GrblFake, GrblMachine, LinuxCncFake, LinuxCncMachine
+from tanteo.machines.link import TcpLink
+from tanteo.machines.protocol import ContactError, LateError, LinkLostError, MachineError, StoppedError
 
 OFFSET = np.array([0.1, -0.2, 0.05])
 FRAME = "(block)\nG21 G90\nG10 L2 P2 X12.5000 Y-3.0000 Z4.2500\n"

@@ -10,16 +10,9 @@ import pytest
 
 from machines.cells import DOWN, START, at, robot, world
 from tanteo.hand import Workspace
-from tanteo.machines import (
-    GrblFake,
-    GrblMachine,
-    LinuxCncFake,
-    LinuxCncMachine,
-    MachineLimits,
-    SafeMachine,
-    StoppedError,
-    TcpLink,
-)
+from tanteo.machines import GrblFake, GrblMachine, LinuxCncFake, LinuxCncMachine, MachineLimits, SafeMachine
+from tanteo.machines.link import TcpLink
+from tanteo.machines.protocol import StoppedError
 
 WORKSPACE = Workspace(np.array([-0.05, -0.05, 0.0]), np.array([0.15, 0.15, 0.12]))
 LIMITS = MachineLimits(WORKSPACE, travel=0.2, stale=1.0, grace=2.0)

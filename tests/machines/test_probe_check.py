@@ -17,13 +17,13 @@ from tanteo.machines import (
     LinuxCncMachine,
     MachineLimits,
     SafeMachine,
-    StoppedError,
-    TcpLink,
     UrFake,
     UrMachine,
     World,
     probe_part,
 )
+from tanteo.machines.link import TcpLink
+from tanteo.machines.protocol import StoppedError
 
 LIMITS = MachineLimits(travel=0.2, reach=0.1, stale=1.0, grace=2.0)
 CELLS = {"grbl": (GrblFake, GrblMachine), "linuxcnc": (LinuxCncFake, LinuxCncMachine), "ur": (UrFake, UrMachine)}

@@ -12,19 +12,11 @@ from machines.cells import ABOVE, DOWN, PLACE, SD, SPREAD, driver, drivers, sess
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.io import read_record
-from tanteo.machines import (
-    DirectMachine,
-    Faults,
-    Journal,
-    MachineLimits,
-    RangingMachine,
-    SafeMachine,
-    Sensed,
-    opened,
-    parse_machine,
-    probe_part,
-)
-from tanteo.planning import Sensing, Session, Stop, at_pose, probe_of
+from tanteo.machines import DirectMachine, Faults, Journal, MachineLimits, RangingMachine, SafeMachine, probe_part
+from tanteo.machines.address import opened, parse_machine
+from tanteo.machines.protocol import Sensed
+from tanteo.planning import Sensing, Session, Stop, probe_of
+from tanteo.planning.start import at_pose
 
 LIMITS = MachineLimits(travel=0.2, reach=0.1, stale=1.0, grace=2.0)
 

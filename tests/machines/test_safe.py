@@ -11,16 +11,8 @@ import pytest
 from machines.cells import DOWN, START, at, driver, world
 from tanteo.errors import InputError
 from tanteo.hand import ForbiddenBox, Workspace
-from tanteo.machines import (
-    ContactError,
-    DirectMachine,
-    LateError,
-    MachineLimits,
-    MachineStatus,
-    RefusedError,
-    SafeMachine,
-    StoppedError,
-)
+from tanteo.machines import DirectMachine, MachineLimits, SafeMachine
+from tanteo.machines.protocol import ContactError, LateError, MachineStatus, RefusedError, StoppedError
 
 WORKSPACE = Workspace(np.array([-0.05, -0.05, 0.0]), np.array([0.15, 0.15, 0.12]))
 

@@ -21,11 +21,11 @@ from tanteo.machines import (
     LinuxCncFake,
     MachineLimits,
     SafeMachine,
-    StoppedError,
     UrFake,
     probe_part,
     stop_on_signals,
 )
+from tanteo.machines.protocol import StoppedError
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="other systems have no such signals")
 

@@ -9,7 +9,8 @@ from machines.cells import DOWN, START, at, robot, world
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.hand import ForbiddenBox, Workspace
-from tanteo.machines import DirectMachine, MachineLimits, MachineStatus, RefusedError, SafeMachine, tool_body
+from tanteo.machines import DirectMachine, MachineLimits, SafeMachine, tool_body
+from tanteo.machines.protocol import MachineStatus, RefusedError
 
 LOW, HIGH = np.array([-0.2, -0.2, 0.0]), np.array([0.3, 0.3, 0.4])
 TOOL = tool_body(0.05, 1e-3, 0.02, 0.1)

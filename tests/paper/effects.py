@@ -12,9 +12,10 @@ import numpy as np
 
 import tanteo.features as cs
 from tanteo import fitting
-from tanteo.features import EDGE, PLANE
 from tanteo.features.constraints import published
-from tanteo.geometry import SE3, SO3, matrix_to_loc
+from tanteo.features.kinds import EDGE, PLANE
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.location import matrix_to_loc
 
 N = 40_000
 EDGE_SD = np.array([0.3 / 5**0.5, 0.3 / 5**0.5, 0.3 / 1000**0.5, 0.3 / 1000**0.5])
@@ -263,7 +264,7 @@ def plane_of_scan_lines(points):
     ends = fitting.plane_from_two_directions(*q, sd**2 * C, outward=[0, 0, 1])
     corners = np.array([[0, 0, 0], [40, 0, 0], [0, 40, 0], [40, 40, 0]], dtype=float)
     worst = [
-        np.sqrt(np.diag(fitting.plane_displacement_covariance(f.T_world_feature, f.P, corners)).max())
+        np.sqrt(np.diag(fitting.spread.plane_displacement_covariance(f.T_world_feature, f.P, corners)).max())
         for f in (ends, full)
     ]
     return {"printed": float(worst[0]), "corrected": float(worst[1])}

@@ -11,20 +11,18 @@ from scipy import special
 
 import tanteo.features as cs
 from tanteo.errors import DegenerateError
-from tanteo.features import EDGE, PLANE
 from tanteo.features.constraints import published
-from tanteo.geometry import (
-    SE3,
-    SO3,
+from tanteo.features.kinds import EDGE, PLANE
+from tanteo.geometry import SE3, SO3, relate_arrays
+from tanteo.geometry.location import matrix_to_loc
+from tanteo.geometry.location_jacobians import (
     J1_at_zero,
     J2_at_zero,
     differential_jacobian,
     differential_jacobian_inverse,
     location_covariance,
-    matrix_to_loc,
-    relate_arrays,
 )
-from tanteo.sensors import sensor_error_cov
+from tanteo.sensors.noise import sensor_error_cov
 
 H = 1e-6
 
@@ -190,7 +188,7 @@ def test_equation_13_the_length_is_the_distance_of_the_corners():
     A, E, B = length_frames()
     assert cs.edge_length(A, E, B, np.zeros((18, 18))).value == pytest.approx(0.05)
     corners = SE3.apply(E, np.array([[-0.02, 0, 0], [0.03, 0, 0]]))
-    assert cs.point_distance(*corners, np.eye(3)).value == pytest.approx(0.05)
+    assert cs.constraints.point.point_distance(*corners, np.eye(3)).value == pytest.approx(0.05)
 
 
 def test_equation_14_error_of_length_is_linear_in_small_errors():

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tanteo.errors import PartError
-from tanteo.parts import mesh_edges, read_part
+from tanteo.parts import read_part
+from tanteo.parts.readers import mesh_edges
 
 pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
 from OCP.BRep import BRep_Builder, BRep_Tool

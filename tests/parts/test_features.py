@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from mesh_laws import is_closed
-from tanteo.parts import mirror_part, read_part
+from tanteo.parts import read_part
+from tanteo.parts.readers import mirror_part
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data"
 SOLIDS = ["box", "hexagon", "tetrahedron", "wedge", "rounded", "frustum", "ball", "notched"]

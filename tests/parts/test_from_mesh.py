@@ -10,7 +10,7 @@ from tanteo.errors import PartError, UnitError
 from tanteo.io import read_record, recognition_document, write_record
 from tanteo.parts import read_part
 from tanteo.planning import Sensing
-from tanteo.render import Run, gather, report_page
+from tanteo.render.html import Run, gather, report_page
 
 BOX = 80 * 60 * 50 * 1e-9
 

@@ -10,7 +10,8 @@ import trimesh
 
 from drilled import HOLES, as_part, drilled, pin, tip
 from tanteo import io, read_part, render
-from tanteo.parts import hole_patterns, round_features
+from tanteo.parts import round_features
+from tanteo.parts.faces import hole_patterns
 
 BLIND = (-10, 0, 3)
 
@@ -118,11 +119,11 @@ def test_a_part_without_round_faces_has_none(tmp_path):
 
 
 def test_they_are_shown_in_words_and_json(plate):
-    shown = "\n".join(render.part_lines(plate))
+    shown = "\n".join(render.text.part_lines(plate))
     assert "through" in shown
     assert "blind" in shown
     assert "irregular" in shown
-    document = json.loads(io.part_json(plate))
+    document = json.loads(io.documents.part_json(plate))
     names = [one["name"] for one in document["holes_and_bosses"]]
     assert names == [one.name for one in round_features(plate)]
     assert document["hole_patterns"][0]["holes"] == [names[k] for k in hole_patterns(plate)[0].holes]

@@ -11,7 +11,8 @@ import pytest
 
 from mesh_laws import distances_from, is_closed
 from tanteo.errors import MissingExtraError, PartError
-from tanteo.parts import mirror_part, read_part
+from tanteo.parts import read_part
+from tanteo.parts.readers import mirror_part
 
 pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
@@ -367,7 +368,7 @@ def test_all_planar_parts_obey_euler():
 
 def face_loops(part):
     """Count boundary loops over all faces."""
-    from tanteo.parts import components, mesh_edges
+    from tanteo.parts.readers import components, mesh_edges
 
     edges = mesh_edges(part.triangles)
     left, right = part.triangle_face[edges.left], part.triangle_face[edges.right]

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tanteo.parts import Surface, mirror_part, read_part
+from tanteo.parts import Surface, read_part
+from tanteo.parts.readers import mirror_part
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data"
 

@@ -5,7 +5,8 @@ import pytest
 
 import tanteo
 from tanteo.geometry import SE3
-from tanteo.parts import mesh_edges, read_part
+from tanteo.parts import read_part
+from tanteo.parts.readers import mesh_edges
 
 BOX = 80 * 60 * 50 * 1e-9
 

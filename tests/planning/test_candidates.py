@@ -13,9 +13,11 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.parts import read_part, signed_distance
-from tanteo.planning import Candidates, at_pose, begin, has_clearance, probe_of, propose, within_cone
+from tanteo.planning import begin, has_clearance, probe_of
+from tanteo.planning.candidates import Candidates, propose, within_cone
+from tanteo.planning.start import at_pose
 from tanteo.posterior import Priors, prepare
-from tanteo.sensors import sensor_preset
+from tanteo.sensors.presets import sensor_preset
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 NARROW = replace(LASER, standoff=0.03, approach=np.array([0.2, 0.1, -1.0]), cone=np.radians(40))

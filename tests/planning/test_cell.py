@@ -7,7 +7,8 @@ import pytest
 
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
-from tanteo.planning import Sensing, at_pose, begin, check_cell, update
+from tanteo.planning import Sensing, begin, check_cell, update
+from tanteo.planning.start import at_pose
 from tanteo.sensors import Readings
 
 SD = 5e-5

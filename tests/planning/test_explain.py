@@ -10,8 +10,11 @@ import pytest
 from sensing_scenes import LASER
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import Sensing, Session, Start, at_pose, begin, explain
-from tanteo.posterior import PosePrior, Priors, corner_moves, information_by_point, prepare, prior_rows
+from tanteo.planning import Sensing, Session, begin, explain
+from tanteo.planning.start import Start, at_pose
+from tanteo.posterior import PosePrior, Priors, prepare
+from tanteo.posterior.answers import corner_moves, prior_rows
+from tanteo.posterior.fit_at_mode import information_by_point
 from tanteo.sensors import Readings
 
 HALF = np.array([100.0, 75.0, 40.0]) * 1e-3

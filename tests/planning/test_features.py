@@ -10,7 +10,10 @@ import pytest
 from sensing_scenes import LASER, STYLUS, beam_hits, drawn_truth, new_session, off, rough, sense
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import POLICIES, DecisionContext, at_pose, begin, features, propose
+from tanteo.planning import POLICIES, begin, features
+from tanteo.planning.candidates import propose
+from tanteo.planning.context import DecisionContext
+from tanteo.planning.start import at_pose
 from tanteo.posterior import prepare
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"

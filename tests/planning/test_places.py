@@ -12,9 +12,14 @@ from sensing_scenes import LASER, as_rows, drawn_truth, new_session, of_plan, ro
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.parts import named_feature, read_part
-from tanteo.planning import Probe, Session, Stop, at_pose, begin, chance_within, check_feature, draw, places_of, plan
-from tanteo.posterior import corner_moves, corner_sd, prepare
-from tanteo.sensors import NoiseLaw
+from tanteo.planning import Probe, Session, Stop, begin, check_feature, plan
+from tanteo.planning.places import places_of
+from tanteo.planning.samples import draw
+from tanteo.planning.start import at_pose
+from tanteo.planning.stopping import chance_within
+from tanteo.posterior import prepare
+from tanteo.posterior.answers import corner_moves, corner_sd
+from tanteo.sensors.presets import NoiseLaw
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 TOUCH = Probe("touch", NoiseLaw.of(3e-4), contact=True, standoff=0.03)

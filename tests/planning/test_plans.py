@@ -15,9 +15,14 @@ from tanteo import locate
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.planning import Probe, Start, at_pose, begin, discriminate, places_of, plan, probe_of, propose
-from tanteo.posterior import PosePrior, Priors, corner_moves, corner_sd, prepare
-from tanteo.sensors import NoiseLaw, Readings, sensor_preset
+from tanteo.planning import Probe, begin, discriminate, plan, probe_of
+from tanteo.planning.candidates import propose
+from tanteo.planning.places import places_of
+from tanteo.planning.start import Start, at_pose
+from tanteo.posterior import PosePrior, Priors, prepare
+from tanteo.posterior.answers import corner_moves, corner_sd
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import NoiseLaw, sensor_preset
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 TOUCH = Probe("touch", NoiseLaw.of(3e-4), contact=True, standoff=0.03)

@@ -11,22 +11,13 @@ import pytest
 from sensing_scenes import LASER, drawn_truth, new_session, rough, sense
 from tanteo.errors import InputError
 from tanteo.parts import read_part
-from tanteo.planning import (
-    POLICIES,
-    UTILITIES,
-    Action,
-    DecisionContext,
-    Done,
-    Greedy,
-    about_mode,
-    begin,
-    draw,
-    expected_information,
-    most_information,
-    predict,
-    propose,
-    register_utility,
-)
+from tanteo.planning import POLICIES, Action, Done, begin
+from tanteo.planning.candidates import propose
+from tanteo.planning.context import DecisionContext
+from tanteo.planning.policies import Greedy, most_information, register_utility
+from tanteo.planning.predictions import predict
+from tanteo.planning.samples import draw
+from tanteo.planning.utility import UTILITIES, about_mode, expected_information
 from tanteo.posterior import prepare
 from tanteo.words.findings import NotWorthCost
 

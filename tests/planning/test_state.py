@@ -17,8 +17,11 @@ from tanteo.errors import InputError
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import Start, at_place, at_pose, begin, chance_within, corner_distances, from_hypotheses, update
-from tanteo.posterior import Priors, identify_points, outlier_log_density, prepare
+from tanteo.planning import at_place, begin, update
+from tanteo.planning.start import Start, at_pose, from_hypotheses
+from tanteo.planning.stopping import chance_within, corner_distances
+from tanteo.posterior import Priors, identify_points, prepare
+from tanteo.posterior.furniture_points import outlier_log_density
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 LASER = SENSORS[1]

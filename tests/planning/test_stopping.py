@@ -13,18 +13,11 @@ from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import log_densities, rough
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import (
-    Start,
-    Stop,
-    at_place,
-    at_pose,
-    begin,
-    chance_within,
-    corner_distances,
-    largest_corner_sd,
-    update,
-)
-from tanteo.posterior import Priors, corner_sd, prepare
+from tanteo.planning import Stop, at_place, begin, update
+from tanteo.planning.start import Start, at_pose
+from tanteo.planning.stopping import chance_within, corner_distances, largest_corner_sd
+from tanteo.posterior import Priors, prepare
+from tanteo.posterior.answers import corner_sd
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 

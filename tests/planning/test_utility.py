@@ -13,27 +13,15 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.hand import Workspace
 from tanteo.parts import read_part
-from tanteo.planning import (  # fmt: skip
-    POLICIES,
-    Probe,
-    Sensing,
-    Session,
-    SharedAhead,
-    Start,
-    Stop,
-    about_mode,
-    about_pose,
-    at_pose,
-    begin,
-    discriminate,
-    draw,
-    expected_information,
-    predict,
-    probe_of,
-    propose,
-)
+from tanteo.planning import POLICIES, Probe, Sensing, Session, Stop, begin, discriminate, probe_of
+from tanteo.planning.candidates import propose
+from tanteo.planning.predictions import predict
+from tanteo.planning.samples import draw
+from tanteo.planning.shared import SharedAhead
+from tanteo.planning.start import Start, at_pose
+from tanteo.planning.utility import about_mode, about_pose, expected_information
 from tanteo.posterior import Priors, prepare
-from tanteo.sensors import NoiseLaw, robot_preset, sensor_preset
+from tanteo.sensors.presets import NoiseLaw, robot_preset, sensor_preset
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 

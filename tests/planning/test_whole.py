@@ -10,19 +10,14 @@ import pytest
 from bore_scenes import plate
 from random_parts import write_off
 from sensing_scenes import LASER, rough
-from tanteo.features import feature_kind
+from tanteo.features.kinds import feature_kind
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import (
-    WHOLE,
-    DecisionContext,
-    WholeFeature,
-    at_pose,
-    begin,
-    propose,
-    whole_information,
-    whole_seconds,
-)
+from tanteo.planning import begin
+from tanteo.planning.candidates import propose
+from tanteo.planning.context import DecisionContext
+from tanteo.planning.start import at_pose
+from tanteo.planning.whole import WHOLE, WholeFeature, whole_information, whole_seconds
 from tanteo.posterior import prepare
 
 RADIUS = 0.012

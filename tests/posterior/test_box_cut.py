@@ -7,7 +7,8 @@ import pytest
 
 from bare_scenes import box_centred_pose, no_paths, surface_points, touches_of
 from tanteo.geometry import SE3
-from tanteo.posterior import PosePrior, Priors, Problem, posterior_about, prepare
+from tanteo.posterior import PosePrior, Priors, Problem, prepare
+from tanteo.posterior.update import posterior_about
 
 SD = 1e-5
 

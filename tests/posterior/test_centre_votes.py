@@ -7,10 +7,12 @@ import pytest
 
 from tanteo import _core
 from tanteo.catalogue import tables_of
-from tanteo.factors import ContactPoints, FreeRays, SensedDirection, SensedSize, SurfacePoint, factor_class
+from tanteo.factors import ContactPoints, FreeRays, SurfacePoint
+from tanteo.factors.factor import SensedDirection, SensedSize, factor_class
 from tanteo.geometry import SE3
 from tanteo.posterior import DEFAULTS, Priors, Problem, candidate_pruning
 from tanteo.posterior.proposals import centre_votes, plane_votes, sensed_planes
+from tanteo.posterior.sampling import peaks
 
 SD, RADIUS = 3e-5, 0.15
 KINDS = {3: "centre", 5: "sphere_centre", 6: "apex"}
@@ -446,7 +448,7 @@ def test_axes_of_no_length_or_no_number_end_in_costs(blocks):
 
 
 def test_centres_are_taken_from_all_sides(blocks):
-    assert sorted(centre_votes.spread_out(np.arange(12.0).reshape(4, 3), 9)) == [0, 1, 2, 3]
+    assert sorted(peaks.spread_out(np.arange(12.0).reshape(4, 3), 9)) == [0, 1, 2, 3]
 
 
 def test_a_lonely_normal_makes_no_poses(blocks, every):

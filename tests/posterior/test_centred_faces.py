@@ -12,10 +12,10 @@ from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 
 from drilled import THICK, as_part, drilled, pin
 from tanteo import identify, read_part, read_readings
-from tanteo.features import CONE, SPHERE
+from tanteo.features.kinds import CONE, SPHERE
 from tanteo.fitting import fit_plane, fit_round, given_round
 from tanteo.geometry import SE3
-from tanteo.parts import centred_faces
+from tanteo.parts.faces import centred_faces
 from tanteo.posterior import identify_features
 
 SD = 1e-5

@@ -11,7 +11,8 @@ from scipy.stats import chi2
 from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, scene, surface_points
 from tanteo import Readings, locate
 from tanteo.geometry import SE3, SO3
-from tanteo.parts import exact_faces, read_part
+from tanteo.parts import read_part
+from tanteo.parts.faces import exact_faces
 from tanteo.posterior import Priors, identify_points, prepare
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"

@@ -10,7 +10,8 @@ import pytest
 from random_parts import write_off
 from scenes import clutter_touch, random_pose, sensed_edge, sensed_planes, sensed_vertex
 from tanteo.errors import InputError
-from tanteo.features import HALF_EDGE, PLANE, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import HALF_EDGE, PLANE
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
 from tanteo.posterior import Priors, identify_features, prepare

@@ -10,7 +10,7 @@ import pytest
 from bare_scenes import surface_points
 from tanteo import Readings, locate, read_part
 from tanteo.parts import Surface
-from tanteo.posterior import Scale, about_directions, about_spread, about_units
+from tanteo.posterior.findings import Scale, about_directions, about_spread, about_units
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 UNITS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "in": 0.0254}

@@ -8,8 +8,9 @@ import pytest
 
 import tanteo
 from tanteo.factors import FreeRays, as_free_rays
-from tanteo.fitting import SharedGiven
-from tanteo.posterior import gone_through, prepare
+from tanteo.fitting.localization import SharedGiven
+from tanteo.posterior import prepare
+from tanteo.posterior.free_space import gone_through
 from tanteo.sensors import Readings, measure
 
 HALF = np.radians(5.0)

@@ -64,7 +64,7 @@ def test_a_furniture_without_a_spread_is_refused(parts):
 
 
 def test_the_command_line_reads_it(parts, tmp_path):
-    from tanteo.io import read_furniture
+    from tanteo.io.poses import read_furniture
 
     found = read_furniture(f"{PARTS / 'block.step'}@100,0,20mm 0,0,90deg +- 0.5mm")
     assert found.name == "block"

@@ -11,7 +11,8 @@ from bare_scenes import nees, off
 from drilled import HOLES, HUB, SD, THICK, TOP, T, as_part, drilled, heights, sensed
 from tanteo import Readings, identify, locate
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, CYLINDER, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import CIRCLE, CYLINDER
 from tanteo.geometry import SE3, SO3
 from tanteo.posterior import identify_features
 

@@ -7,10 +7,12 @@ import pytest
 
 from bare_scenes import box_centred_pose, no_paths, surface_points, touches_of
 from tanteo.geometry import SE3
-from tanteo.posterior import Effort, Priors, Problem, identify_points, part_search, prepare
+from tanteo.posterior import Priors, Problem, identify_points, part_search, prepare
 from tanteo.posterior.sampling import peaks
-from tanteo.posterior.sampling.modes import _beyond_normal, _covariance
-from tanteo.posterior.sampling.sampler import ControlVariate, Sampler
+from tanteo.posterior.sampling.control_variate import ControlVariate
+from tanteo.posterior.sampling.modes import beyond_normal, covariance_of_samples
+from tanteo.posterior.sampling.sampler import Sampler
+from tanteo.posterior.settings import Effort
 
 
 def sample_prior(n, seed, bend=0.0, scale=1.0):
@@ -55,19 +57,19 @@ def test_effective_samples_give_the_accuracy_of_a_spread():
 
 def test_few_samples_give_a_wider_and_never_flat_covariance():
     curved = np.diag([1e-6, 1e-6, 1e-6, 1e-4, 1e-4, 1e-4])
-    assert np.trace(_covariance(curved, curved, 20, 0.05)) > 1.2 * np.trace(curved)
-    assert np.trace(_covariance(curved, curved, 5000, 0.05)) == pytest.approx(np.trace(curved), rel=5e-3)
-    assert np.linalg.eigvalsh(_covariance(np.zeros((6, 6)), curved, 1e6, 0.05)).min() > 0
+    assert np.trace(covariance_of_samples(curved, curved, 20, 0.05)) > 1.2 * np.trace(curved)
+    assert np.trace(covariance_of_samples(curved, curved, 5000, 0.05)) == pytest.approx(np.trace(curved), rel=5e-3)
+    assert np.linalg.eigvalsh(covariance_of_samples(np.zeros((6, 6)), curved, 1e6, 0.05)).min() > 0
 
 
 def test_the_region_of_a_bent_ridge_holds_its_samples():
     rng = np.random.default_rng(6)
     x = rng.normal(size=(4000, 6))
     even = np.full(4000, 1.0)
-    assert _beyond_normal(x, even, np.eye(6)) == pytest.approx(1.0, abs=0.05)
+    assert beyond_normal(x, even, np.eye(6)) == pytest.approx(1.0, abs=0.05)
     x[:, 1] = 3 * (x[:, 0] ** 2 - 1)
     C = np.cov(x.T)
-    wider = _beyond_normal(x, even, C)
+    wider = beyond_normal(x, even, C)
     assert wider > 1.1
     inside = np.einsum("ni,ij,nj->n", x, np.linalg.inv(wider * C), x) < 12.592
     assert inside.mean() == pytest.approx(0.95, abs=0.005)

@@ -8,7 +8,8 @@ pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
 from bare_scenes import off
 from drilled import HOLES, TOP, T, as_part, drilled, heights, sensed
 from tanteo import identify
-from tanteo.catalogue import AXES, build_catalogue, open_catalogue, signature
+from tanteo.catalogue import build_catalogue, open_catalogue
+from tanteo.catalogue.signatures import AXES, signature
 from tanteo.posterior import DEFAULTS, identify_points, prepare
 
 MOVED = 3

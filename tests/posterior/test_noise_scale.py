@@ -14,7 +14,8 @@ from bare_scenes import Sensing, box_centred_pose, no_paths, scene, surface_poin
 from tanteo import Priors, read_part
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
-from tanteo.posterior import Misfit, PosePrior, Problem, Table, posterior_about, prepare
+from tanteo.posterior import Misfit, PosePrior, Problem, Table, prepare
+from tanteo.posterior.update import posterior_about
 
 TWO = float(np.log(2.0))
 BRACKET = Path(__file__).parents[2] / "examples" / "parts" / "bracket_left.step"

@@ -11,7 +11,8 @@ from tanteo.errors import InputError
 from tanteo.factors import FreeRays, surface_points
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.posterior import PosePrior, Priors, Table, identify_points, prior_rows
+from tanteo.posterior import PosePrior, Priors, Table, identify_points
+from tanteo.posterior.answers import prior_rows
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from bare_scenes import no_paths, touches_of
 from tanteo import _core
 from tanteo.catalogue import SHAPE, cache, read_parts
 from tanteo.geometry import SE3
-from tanteo.posterior import PreparedPart, Priors, Problem, prepared, sized
+from tanteo.posterior import PreparedPart, Priors, Problem, prepare, sized
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "parts"
 
@@ -53,7 +53,7 @@ def test_an_opened_shape_answers_equally():
 
 def test_nothing_is_prepared_before_its_first_use():
     part = flange()
-    assert prepared.prepare(part).spacing > 0
+    assert prepare(part).spacing > 0
     assert not entry_of(part).exists()
 
 

@@ -11,7 +11,8 @@ from altered import altered
 from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, off, scene, surface_points, touches_of
 from tanteo.features import SharedError
 from tanteo.geometry import SE3
-from tanteo.parts import mirror_part, read_part
+from tanteo.parts import read_part
+from tanteo.parts.readers import mirror_part
 from tanteo.posterior import Priors, identify_points, prepare
 from tanteo.words import percent
 

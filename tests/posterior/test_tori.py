@@ -13,13 +13,13 @@ from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 
 from drilled import as_part
 from tanteo import _core, features
-from tanteo.factors import KINDS, landmark_rows
+from tanteo.factors.factor import KINDS, landmark_rows
 from tanteo.features import Feature, Round
 from tanteo.geometry import SE3
 from tanteo.posterior import identify_features
 
 SD, TILT = 2e-5, 1e-3
-TORUS = features.KINDS["torus"]  # its module registers it
+TORUS = features.kinds.KINDS["torus"]  # its module registers it
 RINGS = ((0, 0, 12, 2.0), (60, 5, 12, 2.0), (20, 45, 8, 2.0))
 """Place, radius and tube of each ring of a plate [mm]."""
 

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from tanteo.catalogue import read_parts
-from tanteo.features import PLANE, VERTEX, Feature
-from tanteo.fitting import ModelFeature, Pairing, estimate_pose
+from tanteo.features import Feature
+from tanteo.features.kinds import PLANE, VERTEX
+from tanteo.fitting.localization import ModelFeature, Pairing, estimate_pose
 from tanteo.geometry import SE3, SO3
 from tanteo.posterior import prepare
 from tanteo.recognition import identify

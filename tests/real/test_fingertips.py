@@ -12,7 +12,8 @@ import pytest
 import tanteo
 from bare_scenes import no_paths, touches_of
 from tanteo.geometry import SE3
-from tanteo.posterior import Priors, Problem, identify_points, posterior_about, prepare
+from tanteo.posterior import Priors, Problem, identify_points, prepare
+from tanteo.posterior.update import posterior_about
 
 FOLDER = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "fingertip_touches"
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}")

@@ -6,7 +6,8 @@ from scipy.stats import chi2
 
 from fixture_sets import FOLDER, SETS, disagreement, fixture, locate_sets, mode_at, touches_of
 from tanteo.factors import FreeRays
-from tanteo.posterior import Priors, corner_sd, identify_points
+from tanteo.posterior import Priors, identify_points
+from tanteo.posterior.answers import corner_sd
 
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}")
 

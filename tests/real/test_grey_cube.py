@@ -7,7 +7,10 @@ import pytest
 
 import grey_cube
 from tanteo.geometry import SE3
-from tanteo.vision import find_edges, follow, map_edges, prepare_vision, project, refine, see_anywhere
+from tanteo.vision import find_edges, follow, prepare_vision, see_anywhere
+from tanteo.vision.camera import project
+from tanteo.vision.edges import map_edges
+from tanteo.vision.fit import refine
 
 pytestmark = pytest.mark.skipif(not grey_cube.FOLDER.is_dir(), reason="the folder of real measurements is not there")
 

@@ -6,7 +6,8 @@ Nothing is known before but the poses of the wrist. Published plane residuals: 1
 import numpy as np
 import pytest
 
-from tanteo.sensors import calibrate, plane_angle
+from tanteo.sensors import calibrate
+from tanteo.sensors.calibration import plane_angle
 from tof_planes import FOLDER, PAIRS, SENSORS, SURFACES, run, runs
 
 pytestmark = [pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}"), pytest.mark.slow]

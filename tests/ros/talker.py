@@ -49,12 +49,12 @@ class Talker:
         return done()
 
     def rest(self, T: np.ndarray) -> None:
-        self.tf.publish(filled("tf2_msgs/msg/TFMessage", io.transform(T, "base", "hand", self.now())))
+        self.tf.publish(filled("tf2_msgs/msg/TFMessage", io.documents.transform(T, "base", "hand", self.now())))
         self.until(lambda: False, 0.02)
 
     def sense(self, T: np.ndarray, distance: float) -> None:
         self.rest(T)
-        header = io.ros_header(self.now(), "sensor")
+        header = io.documents.ros_header(self.now(), "sensor")
         fields = {"header": header, "range": distance, "min_range": 0.01, "max_range": 0.5}
         self.range.publish(filled("sensor_msgs/msg/Range", fields))
         self.until(lambda: False, 0.02)
@@ -71,7 +71,7 @@ class Talker:
 def main(plan: dict) -> dict:
     rclpy.init()
     talker = Talker()
-    static = io.transform(np.array(plan["static"]), "hand", "sensor", 0)
+    static = io.documents.transform(np.array(plan["static"]), "hand", "sensor", 0)
     talker.fixed.publish(filled("tf2_msgs/msg/TFMessage", static))
     heard = talker.until(lambda: talker.range.get_subscription_count() and talker.tf.get_subscription_count())
     reset = talker.reply("/tanteo/reset")

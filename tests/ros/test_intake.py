@@ -13,7 +13,7 @@ from tanteo.geometry import SE3, SO3
 from tanteo.ros import Intake, Patience
 
 T_HAND_SENSOR = SE3.from_parts(SO3.axis_rotation(1, np.pi / 2), np.array([0.01, 0.02, 0.03]))
-TF, RANGE, POINT, POSE = "tf2_msgs/msg/TFMessage", io.RANGE, io.POINT, io.POSE
+TF, RANGE, POINT, POSE = "tf2_msgs/msg/TFMessage", io.documents.RANGE, io.documents.POINT, io.documents.POSE
 
 
 def hand(t):
@@ -32,21 +32,21 @@ def ns(t):
 
 
 def frame(t, T, parent="base", child="hand"):
-    return objects(io.transform(T, parent, child, ns(t)))
+    return objects(io.documents.transform(T, parent, child, ns(t)))
 
 
 def reading(t, distance, frame="sensor"):
-    header = io.ros_header(ns(t), frame)
+    header = io.documents.ros_header(ns(t), frame)
     return objects({"header": header, "range": distance, "min_range": 0.02, "max_range": 0.5, "variance": 0.0})
 
 
 def touch(t, place, frame="base"):
     x, y, z = place
-    return objects({"header": io.ros_header(ns(t), frame), "point": {"x": x, "y": y, "z": z}})
+    return objects({"header": io.documents.ros_header(ns(t), frame), "point": {"x": x, "y": y, "z": z}})
 
 
 def listening(*topics, options=None, **patience):
-    intake = Intake(options or io.RosOptions(), io.Stated(), Patience(start=0.0, **patience))
+    intake = Intake(options or io.RosOptions(), io.readings.Stated(), Patience(start=0.0, **patience))
     for topic, kind in topics:
         intake.register(topic, kind)
     return intake
@@ -160,8 +160,8 @@ def test_two_named_types_are_refused():
 def test_a_hand_s_pose_is_enough_for_a_rig():
     intake = listening(("/range", RANGE), ("/hand", POSE))
     for t in np.arange(100.0, 100.5, 0.1):
-        header = io.ros_header(ns(t), "base")
-        intake.take("/hand", t, objects({"header": header, "pose": io.pose(hand(t))}))
+        header = io.documents.ros_header(ns(t), "base")
+        intake.take("/hand", t, objects({"header": header, "pose": io.documents.pose(hand(t))}))
     intake.take("/range", 100.3, reading(100.25, 0.2, "tof"))
     finished = intake.ready(100.5)
     assert finished.sensors == ("tof",)

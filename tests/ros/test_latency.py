@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from random_parts import slanted_mesh, write_off
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import Surface, read_part
-from tanteo.ros import STEP, estimate_latency
+from tanteo.ros.latency import STEP, estimate_latency
 from tanteo.sensors import Readings, measure
 
 SD, DELAY, TRIALS = 2e-4, 0.012, 40

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from tanteo.errors import InputError
-from tanteo.sensors import blend, cone_rays, draw_aims, edge_bias, edge_shift, edge_variance
+from tanteo.sensors.noise import blend, cone_rays, draw_aims, edge_bias, edge_shift, edge_variance
 
 D, GAMMA = 0.04, np.deg2rad(5)
 

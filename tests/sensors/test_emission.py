@@ -8,25 +8,10 @@ from scipy.stats import chi2, kstest
 
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
-from tanteo.sensors import (
-    Readings,
-    Rig,
-    RigSensor,
-    Status,
-    draw_aims,
-    draw_base,
-    draw_touch_bias,
-    draw_units,
-    emit,
-    emit_touches,
-    error_model,
-    measure,
-    reported_poses,
-    robot_preset,
-    robot_presets,
-    sensor_preset,
-    sensor_presets,
-)
+from tanteo.sensors import Readings, Rig, RigSensor, error_model, measure
+from tanteo.sensors.emission import Status, draw_base, draw_touch_bias, draw_units, emit, emit_touches, reported_poses
+from tanteo.sensors.noise import draw_aims
+from tanteo.sensors.presets import robot_preset, robot_presets, sensor_preset, sensor_presets
 
 RANGING = [p for p in sensor_presets().values() if not p.is_contact]
 TOUCHING = [p for p in sensor_presets().values() if p.is_contact]

@@ -6,7 +6,8 @@ from scipy.stats import chi2
 
 from tanteo.errors import InputError, ReadingsError
 from tanteo.geometry import SE3
-from tanteo.sensors import Readings, Rig, RigSensor, measure, robot_preset, sensor_preset
+from tanteo.sensors import Readings, Rig, RigSensor, measure
+from tanteo.sensors.presets import robot_preset, sensor_preset
 
 N = 6
 

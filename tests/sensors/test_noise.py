@@ -9,7 +9,8 @@ from scipy.stats import chi2
 
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
-from tanteo.sensors import range_variance, sensed_point, sensor_error_cov, sensor_preset
+from tanteo.sensors.noise import range_variance, sensed_point, sensor_error_cov
+from tanteo.sensors.presets import sensor_preset
 
 VECTORS = json.loads(Path(__file__).with_name("vectors.json").read_text())["vectors"]
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from tanteo.errors import ReadingsError
-from tanteo.features import CIRCLE, CONE, PLANE
-from tanteo.sensors import Readings, measure, reading_kind, reading_kinds
+from tanteo.features.kinds import CIRCLE, CONE, PLANE
+from tanteo.sensors import Readings, measure, reading_kind
+from tanteo.sensors.kinds import reading_kinds
 
 
 def test_every_kind_is_found_by_its_name():

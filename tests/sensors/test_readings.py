@@ -4,17 +4,8 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError, ReadingsError
-from tanteo.sensors import (
-    Column,
-    Readings,
-    Rig,
-    RigSensor,
-    check_features,
-    robot_preset,
-    robot_presets,
-    sensor_preset,
-    sensor_presets,
-)
+from tanteo.sensors import Column, Readings, Rig, RigSensor, check_features
+from tanteo.sensors.presets import robot_preset, robot_presets, sensor_preset, sensor_presets
 
 P = np.arange(9.0).reshape(3, 3)
 EYES = np.stack([np.eye(4)] * 3)

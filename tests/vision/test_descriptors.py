@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 from tanteo.errors import InputError
-from tanteo.vision.descriptors import DESCRIPTOR_NAMES, _gradient, describe, descriptor_values
+from tanteo.vision.descriptors import DESCRIPTOR_NAMES, describe, descriptor_values, gradient
 
 L_SHAPE = np.array([[0, 0], [60, 0], [60, 20], [25, 20], [25, 50], [0, 50]], dtype=float) + np.array([100, 80])
 HU = [k for k, name in enumerate(DESCRIPTOR_NAMES) if name.startswith("hu")]
@@ -61,7 +61,7 @@ def test_the_sense_of_the_outline_does_not_matter():
 
 
 def test_the_derivatives_are_derivatives():
-    J, h = _gradient(L_SHAPE), 1e-5
+    J, h = gradient(L_SHAPE), 1e-5
     for i in range(len(L_SHAPE)):
         for c in (0, 1):
             step = np.zeros_like(L_SHAPE)

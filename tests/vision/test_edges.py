@@ -8,8 +8,9 @@ import pytest
 from scipy.special import ndtr
 
 from tanteo.errors import InputError
-from tanteo.vision import EDGES, find_edges, map_edges
-from tanteo.vision.edges import image_noise
+from tanteo.vision import find_edges
+from tanteo.vision.edges import image_noise, map_edges
+from tanteo.vision.settings import EDGES
 
 
 def step_image(angle, offset, rng=None, noise=0.0, contrast=80.0, blur=0.8, size=96):

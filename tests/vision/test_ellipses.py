@@ -15,24 +15,15 @@ import tanteo.vision
 from drilled import as_part, drilled
 from rendered import table_camera
 from tanteo.errors import DegenerateError, InputError
-from tanteo.features import CIRCLE, Feature
-from tanteo.fitting import ModelFeature, Pairing
+from tanteo.features import Feature
+from tanteo.features.kinds import CIRCLE
+from tanteo.fitting.localization import ModelFeature, Pairing
 from tanteo.geometry import SE3, SO3
-from tanteo.vision import (
-    Camera,
-    Stage,
-    circle_poses,
-    find_edges,
-    find_ellipses,
-    fit_ellipse,
-    image_centre,
-    image_circle,
-    prepare_vision,
-    project_circle,
-    render,
-    rendered_part,
-    see,
-)
+from tanteo.vision import Camera, find_edges, find_ellipses, prepare_vision, render, see
+from tanteo.vision.circles import circle_poses, project_circle
+from tanteo.vision.ellipse_fit import fit_ellipse
+from tanteo.vision.features import image_centre, image_circle
+from tanteo.vision.rendering import Stage, rendered_part
 
 CAMERA = Camera(np.array([[620.0, 0, 317.0], [0, 615.0, 243.0], [0, 0, 1]]), (640, 480), edge_sd=0.0)
 T_CAMERA_CIRCLE = SE3.from_parts(SO3.exp(np.array([2.5, 0.4, 0.2])), np.array([0.03, -0.02, 0.15]))
@@ -191,10 +182,12 @@ def test_blur_does_not_shrink_what_is_found(semi_axes):
     assert found[0].centre == pytest.approx([61.3, 47.6], abs=0.05)
 
 
-@pytest.mark.parametrize("name", ["circle_poses", "find_ellipses", "fit_ellipse", "image_centre", "image_circle"])
-def test_the_example_in_its_docstring_runs(name, monkeypatch):
+@pytest.mark.parametrize(
+    "function", [circle_poses, find_ellipses, fit_ellipse, image_centre, image_circle], ids=lambda f: f.__name__
+)
+def test_the_example_in_its_docstring_runs(function, monkeypatch):
     monkeypatch.chdir(Path(__file__).parents[2] / "examples")
-    text = inspect.getdoc(getattr(tanteo.vision, name))
+    text, name = inspect.getdoc(function), function.__name__
     test = doctest.DocTestParser().get_doctest(text, {"tanteo": tanteo, "np": np}, name, name, 0)
     found = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(test)
     assert found.attempted and not found.failed  # noqa: PT018

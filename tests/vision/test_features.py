@@ -9,10 +9,13 @@ import pytest
 from scipy.stats import chi2
 
 from tanteo.errors import InputError
-from tanteo.features import EDGE, VERTEX
-from tanteo.fitting import ModelFeature, Pairing, estimate_pose, relation_between
+from tanteo.features.kinds import EDGE, VERTEX
+from tanteo.fitting.localization import ModelFeature, Pairing, estimate_pose, relation_between
 from tanteo.geometry import SE3, SO3
-from tanteo.vision import Camera, Corners, Segments, image_corner, image_edge, project
+from tanteo.vision import Camera
+from tanteo.vision.camera import project
+from tanteo.vision.features import image_corner, image_edge
+from tanteo.vision.segments import Corners, Segments
 
 CAMERA = Camera(np.array([[620.0, 0, 317.0], [0, 615.0, 243.0], [0, 0, 1]]), (640, 480), edge_sd=0.0)
 T_WORLD_CAMERA = SE3.exp(np.array([0.3, -0.1, 0.8, 2.6, 0.2, -0.4]))

@@ -7,7 +7,8 @@ import pytest
 
 from core.image_oracle import normal_equations
 from tanteo.geometry import SE3
-from tanteo.vision import EDGES, meet, refine
+from tanteo.vision.fit import meet, refine
+from tanteo.vision.settings import EDGES
 from vision_scenes import bracket, seen_alone
 
 

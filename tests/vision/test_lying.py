@@ -10,13 +10,15 @@ from scipy.stats import chi2
 
 from tanteo.geometry import SE3
 from tanteo.posterior import OnTable
-from tanteo.vision import TableErrors, find_regions, map_edges
 from tanteo.vision.answers import hypothesis
-from tanteo.vision.candidates import _poses_beside
+from tanteo.vision.candidates import poses_beside
+from tanteo.vision.edges import map_edges
 from tanteo.vision.fit import beside, pixel_length, refine
 from tanteo.vision.image_edges import Weights
 from tanteo.vision.posterior import infer
+from tanteo.vision.regions import find_regions
 from tanteo.vision.sight import area_of, image_of_region
+from tanteo.vision.table import TableErrors
 from vision_scenes import bracket, seen_alone
 
 SHIFT = 1.5
@@ -81,7 +83,7 @@ def test_a_better_pose_beside_is_proposed(scene):
     edges, way = with_copies(camera, points, T, T_camera_table, length, 0.5)
     _, seen, _ = factor_of(model, camera, image, edges)
     wrong = SE3.from_parts(np.eye(3), way) @ T
-    Ts = _poses_beside(model, 0, seen, T_camera_table, wrong, TableErrors())
+    Ts = poses_beside(model, 0, seen, T_camera_table, wrong, TableErrors())
     log = seen.sums(model, Ts).there
     off = np.linalg.norm(SE3.apply(Ts, model.part.centroid) - SE3.apply(T, model.part.centroid), axis=-1) / length
     print(off, log)

@@ -11,21 +11,10 @@ from tanteo.catalogue import build_catalogue, open_catalogue
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.posterior import DEFAULTS
-from tanteo.vision import (
-    Narrowed,
-    Stage,
-    find_edges,
-    find_regions,
-    narrowed,
-    outline_of_readings,
-    outlines,
-    prepare_vision,
-    render,
-    rendered_part,
-    see_anywhere,
-    see_table,
-    seen_outline,
-)
+from tanteo.vision import find_edges, outline_of_readings, outlines, prepare_vision, render, see_anywhere, see_table
+from tanteo.vision.outlines import Narrowed, narrowed, seen_outline
+from tanteo.vision.regions import find_regions
+from tanteo.vision.rendering import Stage, rendered_part
 from vision_scenes import random_shot
 
 COUNT = 24

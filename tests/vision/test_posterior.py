@@ -13,10 +13,15 @@ from tanteo import part_from_mesh
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.posterior import OnTable, Priors, sized
-from tanteo.vision import EVIDENCE, TableErrors, View, map_edges, meet, prepare_vision, project, see_table, view_factors
+from tanteo.vision import View, prepare_vision, see_table, view_factors
 from tanteo.vision.answers import hypothesis
+from tanteo.vision.camera import project
+from tanteo.vision.edges import map_edges
+from tanteo.vision.fit import meet
 from tanteo.vision.image_edges import ImageEdges, Weights
 from tanteo.vision.posterior import infer, searched
+from tanteo.vision.settings import EVIDENCE
+from tanteo.vision.table import TableErrors
 from vision_scenes import PARTS, bracket, seen_alone
 
 ERRORS = TableErrors()

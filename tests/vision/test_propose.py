@@ -7,10 +7,11 @@ import pytest
 
 from silhouettes import bare_share, spilled
 from tanteo.geometry import SE3
-from tanteo.vision import EVIDENCE, SEARCH, find_regions, project
-from tanteo.vision.candidates import _distinct
+from tanteo.vision.camera import project
+from tanteo.vision.candidates import distinct
 from tanteo.vision.propose import propose, slides, small_distances
-from tanteo.vision.regions import bare_table, silhouette
+from tanteo.vision.regions import bare_table, find_regions, silhouette
+from tanteo.vision.settings import EVIDENCE, SEARCH
 from vision_scenes import bracket, seen_alone
 
 MARGIN = int(np.ceil(EVIDENCE.reach))
@@ -85,6 +86,6 @@ def test_of_poses_that_are_about_one_the_best_is_kept(model):
     near = T @ SE3.exp(np.array([1e-3, 0, 0, 0, 0, 0.002]))
     far = T @ SE3.exp(np.array([0, 0, 0, 0, 0, 0.2]))
     Ts = np.stack([near, T, far])
-    assert _distinct(model, Ts, np.array([1.0, 2.0, 0.0])).tolist() == [False, True, True]
-    assert _distinct(model, Ts, np.array([2.0, 1.0, 0.0])).tolist() == [True, False, True]
-    assert _distinct(model, Ts[:0], np.zeros(0)).tolist() == []
+    assert distinct(model, Ts, np.array([1.0, 2.0, 0.0])).tolist() == [False, True, True]
+    assert distinct(model, Ts, np.array([2.0, 1.0, 0.0])).tolist() == [True, False, True]
+    assert distinct(model, Ts[:0], np.zeros(0)).tolist() == []

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from tanteo.geometry import SE3, SO3
-from tanteo.vision import find_edges, find_regions
+from tanteo.vision import find_edges
 from tanteo.vision.answers import heights
+from tanteo.vision.regions import find_regions
 
 
 def test_a_disc_has_a_circular_outline_and_outward_normals():

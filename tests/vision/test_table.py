@@ -8,7 +8,8 @@ from scipy.stats import chi2
 
 from tanteo.errors import DegenerateError, InputError
 from tanteo.geometry import SE3, SO3
-from tanteo.vision import Camera, project
+from tanteo.vision import Camera
+from tanteo.vision.camera import project
 from tanteo.vision.table import TableErrors, fit_camera, lying_information, seen_table
 
 CAMERA = Camera(np.array([[620.0, 0, 317.0], [0, 615.0, 243.0], [0, 0, 1]]), (640, 480), np.array([-0.1, 0.04, 0, 0]))

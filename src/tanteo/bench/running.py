@@ -91,7 +91,7 @@ def run(
 
     Example:
         >>> some = tanteo.bench.generate("normals", 1)
-        >>> [outcome] = tanteo.bench.run("tanteo", some)
+        >>> [outcome] = tanteo.bench.running.run("tanteo", some)
         >>> outcome.failure, outcome.placements[0].part == some.scenes[0].truth
         ('', True)
     """

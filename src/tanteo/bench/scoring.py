@@ -13,7 +13,7 @@ from tanteo.bench.sets import BenchScene, BenchSet, Placement
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.posterior import without_symmetric_rotation
+from tanteo.posterior.answers import without_symmetric_rotation
 
 SURE = 0.9
 """Probability from which an answer counts as claimed."""
@@ -90,7 +90,7 @@ def largest_corner_error(part: Part, T: Transforms, truth: Transforms) -> float:
         >>> part = tanteo.bench.generate("points", 1).parts[0]
         >>> T = np.eye(4)
         >>> T[0, 3] = 0.002
-        >>> round(tanteo.bench.largest_corner_error(part, T, np.eye(4)), 6)
+        >>> round(tanteo.bench.scoring.largest_corner_error(part, T, np.eye(4)), 6)
         0.002
     """
     images = _images(part, T, truth)

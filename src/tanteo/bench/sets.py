@@ -114,7 +114,7 @@ class Placement:
         probability: probability of this part at about this pose, or None.
 
     Example:
-        >>> tanteo.bench.Placement("cube", np.eye(4), probability=0.9).covariance is None
+        >>> tanteo.bench.sets.Placement("cube", np.eye(4), probability=0.9).covariance is None
         True
     """
 

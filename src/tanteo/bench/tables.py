@@ -11,7 +11,7 @@ from typing import Any
 from tanteo.bench.scoring import Score
 from tanteo.errors import InputError
 from tanteo.parts import read_whole
-from tanteo.render import COLORS, make_figure, save_figure
+from tanteo.render.pictures import COLORS, make_figure, save_figure
 from tanteo.replaced import replaced
 
 _KIND, _TIMES = "tanteo bench 1", ("median_ms", "slow_ms")

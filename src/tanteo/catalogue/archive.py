@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.parts import Face, ModelEdges, ModelPlanes, ModelVertices, Part, SymmetryGroup
+from tanteo.parts import Part
+from tanteo.parts.faces import Face, ModelEdges, ModelPlanes, ModelVertices, SymmetryGroup
 
 FORMAT_VERSION = 6
 """Version of the byte format and of the readers; increase it whenever a reader gives another result."""

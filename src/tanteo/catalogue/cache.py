@@ -22,7 +22,8 @@ import numpy.typing as npt
 
 from tanteo.catalogue.archive import FORMAT_VERSION, part_from_bytes, part_to_bytes
 from tanteo.errors import InputError
-from tanteo.parts import CAD_READERS, LARGEST_FILE, Part
+from tanteo.parts import Part
+from tanteo.parts.readers import CAD_READERS, LARGEST_FILE
 from tanteo.replaced import replaced
 
 _CHECKSUM = 8

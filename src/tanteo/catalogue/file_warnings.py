@@ -6,7 +6,9 @@ import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from tanteo.parts import FLOAT32, Part, readable_suffixes, unit_name
+from tanteo.parts import Part
+from tanteo.parts.faces import FLOAT32
+from tanteo.parts.readers import readable_suffixes, unit_name
 
 _SINGLE = (".stl", ".glb")
 """Formats that usually have coordinates in single precision."""

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from tanteo.catalogue import cache as remembered
 from tanteo.catalogue.archive import FORMAT_VERSION
 from tanteo.errors import UnitError
-from tanteo.parts import CadMesh, Part, checked_mesh, part_of_mesh
+from tanteo.parts import Part
+from tanteo.parts.readers import CadMesh, checked_mesh, part_of_mesh
 
 
 def part_from_mesh(

@@ -110,7 +110,7 @@ class Catalogue(StoredParts):
 
     @cached_property
     def numbers(self) -> FloatArray:
-        """Sizes of all parts, see :func:`tanteo.catalogue.signature` ``(n, 17)``."""
+        """Sizes of all parts, see :func:`tanteo.catalogue.signatures.signature` ``(n, 17)``."""
         rows = [segment.table["numbers"] for segment in self.segments]
         return np.concatenate(rows) if rows else np.zeros((0, 17))
 

@@ -14,7 +14,8 @@ from tanteo.catalogue.pool import Request, read_in_processes
 from tanteo.catalogue.store import is_catalogue
 from tanteo.catalogue.worker import attempt
 from tanteo.errors import InputError, PartError, UnitError, check_kind
-from tanteo.parts import Part, check_file, is_unitless, read_part, readable_suffixes, unit_name
+from tanteo.parts import Part, read_part
+from tanteo.parts.readers import check_file, is_unitless, readable_suffixes, unit_name
 
 FEW_MESHES, SMALL_FILE = 16, 300_000
 """Largest number and size [bytes] of mesh files that are read in this process."""

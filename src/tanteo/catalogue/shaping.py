@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo import _core
-from tanteo.factors import landmark_rows
+from tanteo.factors.factor import landmark_rows
 from tanteo.geometry.typing import FloatArray, IntArray, Vectors
-from tanteo.parts import Part, exact_faces
+from tanteo.parts import Part
+from tanteo.parts.faces import exact_faces
 
 SHAPE = "shape6"
 """Kind and version of the compiled bytes; increase the number whenever the content of a shape changes."""

@@ -15,9 +15,11 @@ from tanteo import _core
 from tanteo.catalogue.cache import load_derived, store_derived
 from tanteo.catalogue.index import kinds
 from tanteo.catalogue.stability import hull_points, stable_pose_rows
-from tanteo.factors import landmark_rows
+from tanteo.factors.factor import landmark_rows
 from tanteo.geometry.typing import FloatArray, Vectors
-from tanteo.parts import ClosestPoints, Face, Part, Surface, as_signed
+from tanteo.parts import Part, Surface
+from tanteo.parts.faces import Face
+from tanteo.parts.shapes import ClosestPoints, as_signed
 
 FACES = 64
 """Largest number of planar faces in a signature; the remaining surface counts as unseen fraction."""

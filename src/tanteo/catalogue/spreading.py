@@ -28,7 +28,7 @@ def read_on_cluster(
     Args:
         requests: requests by number.
         on_result: function called in this thread with the number and the part's record, or the error message.
-        scheduler: address of the scheduler, see :func:`tanteo.catalogue.run_tasks`.
+        scheduler: address of the scheduler, see :func:`tanteo.catalogue.cluster.run_tasks`.
     """
     batches = dict(enumerate(_batches(requests)))
 

@@ -5,6 +5,14 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from lazy_loader import attach  # type: ignore[import-untyped]
+
+if TYPE_CHECKING:
+    from tanteo.cli import app, demo, installation, printing, session_record
+
+__getattr__, __dir__, _ = attach(__name__, ["app", "demo", "installation", "printing", "session_record"])
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -35,4 +43,4 @@ def _open_streams() -> None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8"))
 
 
-__all__ = ["main"]
+__all__ = ["app", "demo", "installation", "main", "printing", "session_record"]

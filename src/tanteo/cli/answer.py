@@ -78,7 +78,7 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     if not options.as_published:
         before = time.perf_counter()
         result = _questioned(result, given, Query(**chosen), placed=known is not None)
-        result = posterior.with_elapsed(result, conventions=time.perf_counter() - before)
+        result = posterior.answers.with_elapsed(result, conventions=time.perf_counter() - before)
     if options.json:
         print_answer(result, as_json=True, more=words.document(result, given.parts) if words else {})
     elif words:
@@ -106,12 +106,12 @@ def _print_latency(path: str, answer: posterior.Answer, given: Given, options: O
     if answer.best is None:
         return
     from tanteo.parts import part_named
-    from tanteo.ros import STEP, estimate_latency
+    from tanteo.ros.latency import STEP, estimate_latency
     from tanteo.sensors import measure
 
     shifted: tuple[Readings, ...] = ()
     with suppress(ReadingsError):  # single poses do not contain the motion of the sensor
-        shifted = io.read_shifted(
+        shifted = io.readings.read_shifted(
             path, (0.0, -STEP, STEP), latency=file.latency, topics=file.topics, world=file.world, radius=file.radius,
             direction=file.direction, max_points=file.max_points,
         )  # fmt: skip
@@ -154,10 +154,12 @@ def print_answer(
         more: further keys of the document.
     """
     if as_json:
-        put(io.document_json({**io.recognition_document(answer), **(more or {})}, warned()))
+        put(io.documents.document_json({**io.recognition_document(answer), **(more or {})}, warned()))
         print_status(answer)
     else:
-        emit(render.answer_lines(answer, known, verbose=verbose, layout=layout()), sys.stderr if to_stderr else None)
+        emit(
+            render.text.answer_lines(answer, known, verbose=verbose, layout=layout()), sys.stderr if to_stderr else None
+        )
 
 
 def print_status(answer: posterior.Answer) -> None:
@@ -186,7 +188,7 @@ class Given(NamedTuple):
     measured: PointMeasurements
     parts: Sequence[Part]
     rig: Rig | None
-    scale: posterior.Scale
+    scale: posterior.findings.Scale
     doubted: bool
 
 
@@ -224,8 +226,12 @@ def read_given(path: str, part_paths: Sequence[str], options: Options, file: Fil
         complain("warning", f"--units {units} applies to the readings and to the parts: neither state a unit.")
     parts = files.read_all_parts(part_paths, units, quiet=options.json)
     column = _HEADER.search(_beginning(path))
-    scale = posterior.scale_of(measured.points, parts, column[1] if column else "", options.units or _own_unit(parts))
-    doubt = posterior.about_size(measured.points, scale) or posterior.about_spread(measured.covs, scale)
+    scale = posterior.findings.scale_of(
+        measured.points, parts, column[1] if column else "", options.units or _own_unit(parts)
+    )
+    doubt = posterior.findings.about_size(measured.points, scale) or posterior.findings.about_spread(
+        measured.covs, scale
+    )
     if doubt is not None:
         complain("warning", doubt.message)
     return Given(readings, measured, parts, rig, scale, doubt is not None)
@@ -243,8 +249,8 @@ def _questioned(answer: posterior.Answer, given: Given, query: Query, *, placed:
     """Return the answer with a probable convention error (units, frames, directions) as last finding, and print it."""
     if given.doubted:
         return answer
-    frames = posterior.about_frames(answer, given.scale, given.measured)
-    found = posterior.about_conventions(answer, given.readings, given.parts, query, placed=placed)
+    frames = posterior.findings.about_frames(answer, given.scale, given.measured)
+    found = posterior.convention_checks.about_conventions(answer, given.readings, given.parts, query, placed=placed)
     if found is None or (frames is not None and frames.kind == found.kind == "units"):
         found = frames  # this finding names the stated units and their column
     if found is None:
@@ -258,7 +264,7 @@ def _report(
     path: str, answer: posterior.Answer, given: Given, options: Options, known: posterior.PosePrior | None
 ) -> None:
     from tanteo.planning import Sensing
-    from tanteo.render import gather, report_page
+    from tanteo.render.html import gather, report_page
 
     sensing = Sensing(
         options.sensor, options.robot, options.sd, options.tip_sd, given.rig, options.tolerance, options.bias_sd

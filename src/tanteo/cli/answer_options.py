@@ -67,7 +67,7 @@ class Options:
                 raise MisuseError(f"--factor: expected the name of a plug-in and a file, as NAME=FILE, got '{text}'.")
             if not Path(path).exists():
                 raise MisuseError(f"--factor: expected a file, got '{path}', which does not exist. Check the path.")
-            found.append(io.read_factor(name, path))
+            found.append(io.readings.read_factor(name, path))
         return tuple(found)
 
     def priors(
@@ -79,7 +79,7 @@ class Options:
             known: prior knowledge of the pose.
             outline: outline of the object in an image.
         """
-        furniture = tuple(io.read_furniture(text, self.units, "--furniture") for text in self.furniture or ())
+        furniture = tuple(io.poses.read_furniture(text, self.units, "--furniture") for text in self.furniture or ())
         stated: dict[str, Any] = {
             "pose": known, "outlier_rate": self.outlier_rate, "unknown": self.unknown_prior,
             "noise_factor": self.noise_factor, "furniture": furniture or None, "whole": self._whole(outline),

@@ -101,12 +101,12 @@ FurniturePaths = Annotated[
 TableAt = Annotated[
     Table | None,
     _prior("--table", "HEIGHT", "The part rests on a level table at this height, as 0+-1mm."),
-    Words(lambda text: io.parse_table(text, "--table")),
+    Words(lambda text: io.poses.parse_table(text, "--table")),
 ]
 BoxAt = Annotated[
     FloatArray | None,
     _prior("--box", "LOW,HIGH", "The part is in this box of the world, as 0,0,0,500,400,200mm."),
-    Words(lambda text: io.parse_box(text, "--box")),
+    Words(lambda text: io.poses.parse_box(text, "--box")),
 ]
 PosePriorAt = Annotated[
     UncertainFrame | None,
@@ -128,17 +128,17 @@ UnknownPrior = Annotated[
 Mass = Annotated[
     tuple[float, float] | None,
     _prior("--mass", "MASS", "Measured mass of the object, as 340g+-2g; needs --density."),
-    Words(lambda text: io.parse_mass(text, "--mass")),
+    Words(lambda text: io.documents.parse_mass(text, "--mass")),
 ]
 Density = Annotated[
     tuple[float, float] | None,
     _prior("--density", "DENSITY", "Density of the material, as 7.85g/cm3+-1%."),
-    Words(lambda text: io.parse_density(text, "--density")),
+    Words(lambda text: io.documents.parse_density(text, "--density")),
 ]
 Size = Annotated[
     Any,
     _prior("--size", "A,B,C", "Sides of a bounding box of the object, in any order, as 120,80,50mm+-1mm."),
-    Words(lambda text: io.parse_size(text, "--size")),
+    Words(lambda text: io.documents.parse_size(text, "--size")),
 ]
 
 Factors = Annotated[

@@ -16,7 +16,8 @@ from tanteo.cli.printing import emit, layout, leave, print_text, progress
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.bench import BenchSet, Score
+    from tanteo.bench.scoring import Score
+    from tanteo.bench.sets import BenchSet
 
 
 def _seconds(value: float) -> float:
@@ -70,7 +71,8 @@ def bench(
 
     The scores are accuracy, consistency of the covariances, calibration of the probabilities, and time.
     """
-    from tanteo.bench import read_scores, write_scores, write_set
+    from tanteo.bench import write_set
+    from tanteo.bench.tables import read_scores, write_scores
 
     if which:
         _list()
@@ -111,7 +113,8 @@ def _sets(names: list[str], count: int, seed: int, parts: list[str] | None, unit
 
 
 def _run(sets: list[BenchSet], methods: list[str], limit: float, *, decide: bool) -> list[Score]:
-    from tanteo.bench import at_work, check_method, run, score, with_decisions
+    from tanteo.bench.running import at_work, check_method, run
+    from tanteo.bench.scoring import score, with_decisions
 
     for method in methods:
         check_method(method)
@@ -132,7 +135,7 @@ def _short(method: str) -> str:
 
 
 def _show(scores: list[Score], picture: str | None) -> None:
-    from tanteo.bench import bench_picture, decision_table, score_table
+    from tanteo.bench.tables import bench_picture, decision_table, score_table
 
     columns, *rows = score_table(scores)
     emit(layout().table(columns, rows, left=(0, 1)))
@@ -147,7 +150,8 @@ def _show(scores: list[Score], picture: str | None) -> None:
 
 
 def _list() -> None:
-    from tanteo.bench import GENERATED, METHODS
+    from tanteo.bench import GENERATED
+    from tanteo.bench.running import METHODS
 
     emit(layout().table(("set", "what"), [(name, recipe.words) for name, recipe in GENERATED.items()], left=(0, 1)))
     print_text(f"Methods: {', '.join(METHODS)}, FILE.py:function.")

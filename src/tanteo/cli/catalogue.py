@@ -86,7 +86,7 @@ def show(catalogue: _Folder, names: _Names = False, json: args.Json = False) -> 
             }
         )  # fmt: skip
     else:
-        emit(render.catalogue_lines(found, names=names, layout=layout()))
+        emit(render.text.catalogue_lines(found, names=names, layout=layout()))
 
 
 def check(catalogue: _Folder) -> None:

@@ -24,7 +24,8 @@ def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Option
     """
     import numpy as np
 
-    from tanteo.planning import Sensing, at_pose, begin, check_cell, update
+    from tanteo.planning import Sensing, begin, check_cell, update
+    from tanteo.planning.start import at_pose
     from tanteo.recognition import identify
 
     given = read_given(readings, [part], options, file)
@@ -46,9 +47,9 @@ def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Option
     state = update(begin(start), *sensing.touches(given.readings))
     check = check_cell(state, given.readings, sensing.measured)
     if options.json:
-        put(io.document_json(_document(check), warned()))
+        put(io.documents.document_json(_document(check), warned()))
     else:
-        emit(render.cell_lines(check, layout=layout()))
+        emit(render.text.cell_lines(check, layout=layout()))
     leave(decided=not any(error.contradicted for error in check.errors))
 
 

@@ -18,7 +18,7 @@ from tanteo.cli.printing import complain
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.io import WorkFrame
+    from tanteo.io.poses import WorkFrame
     from tanteo.parts import Part
     from tanteo.posterior import Answer, Hypothesis
 else:  # the parser resolves annotations; this name avoids a slow import
@@ -28,7 +28,7 @@ else:  # the parser resolves annotations; this name avoids a slow import
 def _controller(text: str) -> str:
     """Return the name of a controller; ``io`` is loaded when one is given."""
     try:
-        return io.check_pose_name(text)
+        return io.poses.check_pose_name(text)
     except InputError as error:
         raise MisuseError(f"--as: {error}") from None
 
@@ -36,7 +36,7 @@ def _controller(text: str) -> str:
 def _work_frame(text: str) -> WorkFrame:
     """Return the work frame that a text names; ``io`` is loaded when one is given."""
     try:
-        return io.parse_work_frame(text)
+        return io.poses.parse_work_frame(text)
     except InputError as error:
         raise MisuseError(f"--wcs: {error}") from None
 
@@ -153,7 +153,7 @@ class Words:
             "--best-guess to write the best pose."
         )
 
-    def _frame(self, answer: Answer, parts: Sequence[Part]) -> io.WrittenFrame:
+    def _frame(self, answer: Answer, parts: Sequence[Part]) -> io.poses.WrittenFrame:
         from tanteo.parts import part_named
         from tanteo.posterior import box_corners
 
@@ -162,7 +162,7 @@ class Words:
         part = part_named(parts, best.part)
         sure = f"{best.probability:.1%}, largest corner sd {1e3 * best.corner_sd:.3g} mm"
         note = f"{best.part}: {answer.status}, {sure}"
-        return io.write_work_frame(self.wcs, _uncertain(best), box_corners(part), note)
+        return io.poses.write_work_frame(self.wcs, _uncertain(best), box_corners(part), note)
 
 
 _UNVERIFIED = "the convention was not verified in the brand's documentation: confirm one pose on your controller"

@@ -17,8 +17,9 @@ from tanteo.cli.printing import print_text
 from tanteo.errors import MissingExtraError
 
 if TYPE_CHECKING:
-    from tanteo.bench import Seen
-    from tanteo.render import Section, Show
+    from tanteo.bench.demo import Seen
+    from tanteo.render.html import Section
+    from tanteo.render.live import Show
 
 REPORT = "tanteo_demo.html"
 NEXT = (
@@ -41,7 +42,7 @@ def demo(
 
     Recognizes one of twelve parts on a table from an image and a laser, with its uncertainty.
     """
-    from tanteo.bench import run_demo
+    from tanteo.bench.demo import run_demo
 
     if live and report != REPORT:
         raise MisuseError("--report: expected without --live, which writes no report, got both. Drop one.")
@@ -70,7 +71,7 @@ def program_here() -> str:
 
 def _seen(seen: Seen) -> list[Section]:
     """Return sections of the report with the camera's image, and its predictions for the two best parts."""
-    from tanteo.render import photo_section
+    from tanteo.render.html import photo_section
 
     names = [h.part for h in seen.likely[:2]]
     found = (
@@ -91,10 +92,10 @@ def _seen(seen: Seen) -> list[Section]:
 
 def _play(seed: int, *, show: bool) -> None:
     """Play the same scene on a live page until Ctrl-C."""
-    from tanteo.bench import set_stage
+    from tanteo.bench.demo import set_stage
     from tanteo.cli.view import ready
-    from tanteo.hand import box
-    from tanteo.render import NEEDS_VISER, play, probe_show
+    from tanteo.hand.simulator import box
+    from tanteo.render.live import NEEDS_VISER, play, probe_show
 
     if find_spec("viser") is None:
         raise MissingExtraError(NEEDS_VISER)

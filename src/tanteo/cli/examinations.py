@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tanteo.cli.installation import Examination, install_command
-from tanteo.render import PLAIN, Layout, printable
+from tanteo.render.text import PLAIN, Layout, printable
 
 
 def examination_lines(found: Examination, version: str, *, layout: Layout = PLAIN) -> list[str]:

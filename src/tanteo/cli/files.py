@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tanteo.geometry.typing import Vectors
     from tanteo.parts import Part
     from tanteo.planning import Session
-    from tanteo.render import Run, Section
+    from tanteo.render.html import Run, Section
     from tanteo.sensors import Rig
 
 TYPED: ContextVar[tuple[str, ...]] = ContextVar("TYPED", default=("tanteo",))
@@ -70,7 +70,7 @@ def check_different(
     Raises:
         MisuseError: two files are the same.
     """
-    from tanteo.catalogue import cad_files
+    from tanteo.catalogue.file_warnings import cad_files
 
     seen = {os.path.realpath(path): name for name, path in inputs if path is not None}
     seen |= {os.path.realpath(path): "a part" for path in (*parts, *map(str, cad_files(parts)))}
@@ -130,7 +130,8 @@ def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> S
         MisuseError: a file states no unit and ``units`` is None.
         PartError: no part can be read, or a named file cannot.
     """
-    from tanteo.catalogue import coarse_meshes, is_catalogue, read_parts, repaired, skipped_folders, unused_unit
+    from tanteo.catalogue import is_catalogue, read_parts
+    from tanteo.catalogue.file_warnings import coarse_meshes, repaired, skipped_folders, unused_unit
 
     if any(map(is_catalogue, paths)):
         return _opened(paths)
@@ -178,7 +179,7 @@ def read_rig(path: str) -> Rig:
         path: file of the rig, or name of a shipped rig.
     """
     rig = io.read_rig(path)
-    if question := io.suspect_metres(rig):
+    if question := io.documents.suspect_metres(rig):
         complain("warning", question)
     return rig
 
@@ -199,7 +200,7 @@ def this_run(*facts: tuple[str, str]) -> Run:
         facts: names and values to show beside the picture.
     """
     from tanteo import __version__
-    from tanteo.render import Run
+    from tanteo.render.html import Run
 
     return Run(shlex.join(TYPED.get()), f"tanteo {__version__}", facts)
 
@@ -215,7 +216,7 @@ def write_page(path: str, page: str, *, as_json: bool) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    from tanteo.render import write_report
+    from tanteo.render.html import write_report
 
     with writing("--report", path):
         write_report(path, page)
@@ -240,6 +241,6 @@ def report_session(
         more: further sections, which come first.
         view: initial viewing direction of the picture ``(3,)``; None for the default.
     """
-    from tanteo.render import session_page
+    from tanteo.render.html import session_page
 
     write_page(path, session_page(session, this_run(*facts), more, view), as_json=as_json)

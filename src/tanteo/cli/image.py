@@ -69,7 +69,7 @@ def _read_view(image: str, camera: str | None, marks: str | None) -> View:
     for note in taken.notes:
         complain("warning", f"{camera}: {note}")
     if marks is not None:
-        taken, _ = io.place_camera(taken, marks)
+        taken, _ = io.scenes.place_camera(taken, marks)
     if taken.T_world_camera is None:
         raise MisuseError(
             f"--camera: expected the camera's pose in the world of the readings, got {camera} without it. Add "

@@ -74,12 +74,12 @@ class Extra:
 
 
 REGISTRIES = (
-    "tanteo.parts:CAD_READERS",
-    "tanteo.posterior:PROPOSERS",
-    "tanteo.io:FORMATS",
+    "tanteo.parts.readers:CAD_READERS",
+    "tanteo.posterior.proposals:PROPOSERS",
+    "tanteo.io.logs:FORMATS",
     "tanteo.io.readings.factor_file:FACTORS",
-    "tanteo.machines:PROGRAMS",
-    "tanteo.machines:MACHINES",
+    "tanteo.machines.programs:PROGRAMS",
+    "tanteo.machines.address:MACHINES",
 )
 """Registries that plug-ins add to, as module and attribute."""
 
@@ -249,7 +249,7 @@ def _version(name: str) -> str:
 def _cache() -> tuple[str, bool]:
     """Return the folder of the parts cache, and whether it, or its nearest existing parent, is writable."""
     try:
-        from tanteo.catalogue import cache_folder
+        from tanteo.catalogue.cache import cache_folder
     except ImportError:
         return "", False
     folder = cache_folder()

@@ -33,7 +33,7 @@ def page_of(session: Session, *, live: bool, show: bool) -> Iterator[Callable[[s
     if not live:
         yield lambda note: None
         return
-    from tanteo.render import follow
+    from tanteo.render.live import follow
 
     def ready(url: str) -> None:
         print_text(f"Live page: {url}", sys.stderr)

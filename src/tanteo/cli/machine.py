@@ -21,7 +21,8 @@ from tanteo.errors import InputError
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray
     from tanteo.hand import ForbiddenBox
-    from tanteo.machines import Address, MachineLimits
+    from tanteo.machines import MachineLimits
+    from tanteo.machines.address import Address
     from tanteo.planning import Probe
 else:  # the parser resolves annotations; these names avoid slow imports
     Address = FloatArray = ForbiddenBox = Any
@@ -32,23 +33,23 @@ _DOWN, _UP = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
 
 
 def _address(text: str) -> Address:
-    from tanteo.machines import parse_machine
+    from tanteo.machines.address import parse_machine
 
     return parse_machine(text)
 
 
 def _box(text: str) -> FloatArray:
-    return io.parse_box(text, "--workspace")
+    return io.poses.parse_box(text, "--workspace")
 
 
 def _radius(text: str) -> float:
-    return io.parse_length(text, "--tip-radius")
+    return io.readings.parse_length(text, "--tip-radius")
 
 
 def _tool(text: str) -> FloatArray:
     import numpy as np
 
-    lengths = io.parse_lengths(text, "--tool")
+    lengths = io.readings.parse_lengths(text, "--tool")
     if len(lengths) != 3 or not (np.asarray(lengths) > 0).all():
         raise InputError(
             f"--tool: expected stylus, radius and length of the tool, got '{text}'. Write them as 50,30,150mm."
@@ -60,7 +61,7 @@ def _check(text: str) -> float | str:
     if text in ("hand", "off"):
         return text
     try:
-        return io.parse_length(text, "--check-probe")
+        return io.readings.parse_length(text, "--check-probe")
     except InputError:
         raise InputError(
             f"--check-probe: expected hand, off or the height of a surface, got '{text}'. Write a height as 12.5mm."
@@ -259,7 +260,7 @@ class MachineOptions:
 
 
 def _turns(address: Address) -> bool:
-    from tanteo.machines import turns_of
+    from tanteo.machines.address import turns_of
 
     return turns_of(address)
 

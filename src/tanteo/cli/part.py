@@ -25,6 +25,6 @@ def show(
     files.require_file("FILE", file)
     (part,) = files.read_all_parts([file], units, quiet=json)
     if json:
-        put(io.part_json(part))
+        put(io.documents.part_json(part))
     else:
-        emit(render.part_lines(part, verbose=verbose, layout=layout()))
+        emit(render.text.part_lines(part, verbose=verbose, layout=layout()))

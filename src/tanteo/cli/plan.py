@@ -46,7 +46,7 @@ def _approach(text: str) -> tuple[Vectors, float]:
 
 
 def _place(name: str, typed: str) -> float:
-    return io.parse_length(typed, name)
+    return io.readings.parse_length(typed, name)
 
 
 def _feature(name: str) -> str:
@@ -134,7 +134,7 @@ class Options:
             program: options of the probing program.
         """
         from tanteo.planning import probe_of
-        from tanteo.sensors import sensor_preset
+        from tanteo.sensors.presets import sensor_preset
 
         beam = self.sensor is not None and not sensor_preset(self.sensor).is_contact
         where: dict[str, Any] = {"standoff": self.standoff, "clearance": self.clearance}
@@ -195,8 +195,9 @@ def plan(options: Options, program: ProgramOptions) -> None:
 
 def _plan(part: Part, probe: Probe, options: Options, program: ProgramOptions) -> None:
     """Compute a plan, print it, and write its files."""
-    from tanteo.planning import at_origin, at_pose, plan
-    from tanteo.render import plan_page
+    from tanteo.planning import plan
+    from tanteo.planning.start import at_origin, at_pose
+    from tanteo.render.html import plan_page
 
     target = posterior.prepare(part)
     start = at_origin(target)
@@ -208,10 +209,10 @@ def _plan(part: Part, probe: Probe, options: Options, program: ProgramOptions) -
         found = plan(start, probe, tolerance, confidence, most, options.seed, options.feature)
     if options.csv is not None:
         with files.writing("--csv", options.csv), replaced(options.csv) as file:
-            file.write_text(io.plan_csv(found), encoding="utf-8", newline="")
+            file.write_text(io.documents.plan_csv(found), encoding="utf-8", newline="")
     written = program.written(found, part, probe, start.covariances[0])
     if options.json:
-        put(io.plan_json(found, tolerance=tolerance, confidence=confidence, program=written))
+        put(io.documents.plan_json(found, tolerance=tolerance, confidence=confidence, program=written))
     else:
         emit(_lines(found, probe, options), None if written is None else sys.stderr)
         put(written or "")
@@ -224,24 +225,26 @@ def _plan(part: Part, probe: Probe, options: Options, program: ProgramOptions) -
 def _lines(found: Plan, probe: Probe, options: Options) -> list[str]:
     import numpy as np
 
-    from tanteo.planning import ORIGIN_SDS
+    from tanteo.planning.start import ORIGIN_SDS
 
     known = typed.read_known(None, None, options.pose_prior, None)
     spread = f"{1e3 * ORIGIN_SDS[0]:g} mm and {np.degrees(ORIGIN_SDS[1]):g} deg"
     usual = f"with its frame at the world's, to {spread} (--pose-prior states another pose)"
     anywhere = "any side, from below too (use --approach 0,0,-1,60deg if the part lies on a table)"
-    before = usual if known is None else render.prior_words(known)
-    return render.plan_lines(found, probe, before, anywhere=anywhere, layout=layout())
+    before = usual if known is None else render.text.prior_words(known)
+    return render.text.plan_lines(found, probe, before, anywhere=anywhere, layout=layout())
 
 
 def _discriminate(parts: list[Part], probe: Probe, options: Options) -> None:
     """Find the reading that discriminates two parts, print it, and write its report."""
     from tanteo.planning import discriminate
-    from tanteo.render import distinction_page
+    from tanteo.render.html import distinction_page
 
     first, second = (posterior.prepare(part) for part in parts)
     found = discriminate(first, second, probe, seed=options.seed)
-    put(io.distinction_json(found)) if options.json else emit(render.distinction_lines(found, layout=layout()))
+    put(io.documents.distinction_json(found)) if options.json else emit(
+        render.text.distinction_lines(found, layout=layout())
+    )
     if options.report is not None:
         files.write_page(options.report, distinction_page(found, parts, probe, files.this_run()), as_json=options.json)
     leave(decided=found.discriminates)

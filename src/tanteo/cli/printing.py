@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import typer
 
 from tanteo.errors import InputError
-from tanteo.render import PLAIN, Layout, printable
+from tanteo.render.text import PLAIN, Layout, printable
 
 if TYPE_CHECKING:
     from collections.abc import Callable

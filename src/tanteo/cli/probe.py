@@ -20,7 +20,8 @@ from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, 
 if TYPE_CHECKING:
     from tanteo.machines import Probed, SafeMachine, Turn
     from tanteo.parts import Part
-    from tanteo.planning import Session, Start
+    from tanteo.planning import Session
+    from tanteo.planning.start import Start
 
 _TAKES_FRAMES = {"grbl": "grbl:G54", "linuxcnc": "G54"}
 """Controllers that can set a frame, each with an example of ``--wcs``."""
@@ -131,7 +132,7 @@ def _check_frame(words: controller.Words, options: Options, machine: MachineOpti
 
 def _start(part: Part, options: Options) -> Start:
     """Return the prior pose of the part."""
-    from tanteo.planning import at_origin, at_pose
+    from tanteo.planning.start import at_origin, at_pose
     from tanteo.posterior import Priors
 
     target, priors = posterior.prepare(part), Priors(noise_factor=options.noise_factor)
@@ -146,7 +147,7 @@ def _start(part: Part, options: Options) -> Start:
 
 def _session(start: Start, options: Options, machine: MachineOptions) -> Session:
     """Return a new session, or the session of the record with ``--resume``."""
-    from tanteo.machines import turns_of
+    from tanteo.machines.address import turns_of
     from tanteo.planning import Sensing, Session, Stop
 
     if options.resume and options.record is not None:
@@ -166,7 +167,8 @@ def _session(start: Start, options: Options, machine: MachineOptions) -> Session
 @contextmanager
 def _moved(start: Start, session: Session, options: Options, machine: MachineOptions) -> Iterator[SafeMachine]:
     """Open the machine with its limits, and close it at the end of the context."""
-    from tanteo.machines import Interrupted, SafeMachine, opened, stop_on_signals
+    from tanteo.machines import Interrupted, SafeMachine, stop_on_signals
+    from tanteo.machines.address import opened
 
     world, place = _fake(start, session, options, machine) if machine.machine.fake else (None, None)
     with opened(machine.machine, world, place) as driver:
@@ -227,7 +229,7 @@ def _run(session: Session, safe: SafeMachine, options: Options, draw: Callable[[
     def watch(turn: Turn) -> None:
         leader = session.state.target(0).part.name if len(session.state.weights) else ""
         distance = None if turn.sensed is None else turn.sensed.distance
-        print_text(render.turn_line(turn.action, distance, turn.step, leader, turn.note), sys.stderr)
+        print_text(render.text.turn_line(turn.action, distance, turn.step, leader, turn.note), sys.stderr)
         draw(turn.note)
 
     done = probe_part(session, safe, options.record, watch)
@@ -253,9 +255,9 @@ def _print(
             "readings": session.count, "questions": len(done.turns),
         }  # fmt: skip
         more = words.document(answer, [part]) if words else {}
-        put(io.document_json({**io.recognition_document(answer), "sensing": sensing, **more}, warned()))
+        put(io.documents.document_json({**io.recognition_document(answer), "sensing": sensing, **more}, warned()))
         return ""
-    lines = render.probed_lines(
+    lines = render.text.probed_lines(
         answer, done.end, safe.facts.name, session.count, verbose=options.verbose, layout=layout()
     )
     emit(lines, sys.stderr if words else None)

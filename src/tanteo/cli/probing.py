@@ -27,7 +27,7 @@ _DOWN = (0.0, 0.0, -1.0)
 
 
 def _program(name: str) -> str:
-    from tanteo.machines import program_language
+    from tanteo.machines.programs import program_language
 
     program_language(name)
     return name
@@ -50,7 +50,7 @@ def parse_speed(text: str, option: str = "--feed") -> float:
 
 
 def _height(text: str) -> float:
-    return io.parse_length(text, "--retract-height")
+    return io.readings.parse_length(text, "--retract-height")
 
 
 _option = partial(args.option, rich_help_panel="Probing program")
@@ -123,7 +123,7 @@ class ProgramOptions:
         stated: dict[str, Any] = {"contact": True, "radius": self.tip_radius}
         if self.program is None:
             return stated
-        from tanteo.machines import program_language
+        from tanteo.machines.programs import program_language
 
         above = {} if approached else {"approach": _DOWN, "cone": math.pi / 2}
         down = program_language(self.program).points_down
@@ -144,7 +144,7 @@ class ProgramOptions:
         if not found.readings:
             complain("warning", "--program: the plan has no touches, so no program is written.")
             return ""
-        from tanteo.machines import job_of, write_program
+        from tanteo.machines.programs import job_of, write_program
 
         with misuse():
             more = self.overtravel, self.retract_height

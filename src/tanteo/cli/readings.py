@@ -15,7 +15,7 @@ from tanteo.errors import InputError, ReadingsError, UnitError
 
 if TYPE_CHECKING:
     from tanteo.geometry.typing import Transforms
-    from tanteo.io import Direction
+    from tanteo.io.readings import Direction
     from tanteo.sensors import Readings, Rig
 else:  # the parser resolves annotations; these names avoid slow imports
     Direction = Transforms = Any
@@ -35,15 +35,15 @@ def parse_radius(text: str) -> float:
     Raises:
         InputError: the text is not a length from 0 to 1 m.
     """
-    value = io.parse_length(text, "--radius")
+    value = io.readings.parse_length(text, "--radius")
     if not 0 <= value <= 1:
         raise InputError(f"--radius: expected a length of zero to 1 m, got '{text}'. Write it as 1.5mm.")
     return value
 
 
 def _format(name: str) -> str:
-    if name not in io.format_names():
-        known = ", ".join(io.format_names())
+    if name not in io.readings.format_names():
+        known = ", ".join(io.readings.format_names())
         raise InputError(f"--format: expected one of {known}, got '{name}'. Drop --format to detect it.")
     return name
 
@@ -54,11 +54,11 @@ def parse_direction(text: str) -> Any:
     Args:
         text: value of ``--direction``.
     """
-    return io.parse_direction(text, "--direction")
+    return io.readings.parse_direction(text, "--direction")
 
 
 def _normal_sd(text: str) -> float:
-    return io.parse_angle(text, "--normal-sd")
+    return io.readings.parse_angle(text, "--normal-sd")
 
 
 def parse_time(name: str, least: float, most: float, text: str) -> float:
@@ -93,7 +93,7 @@ def parse_latency(text: str) -> float:
 
 
 def _pose(name: str, attitude: bool, text: str) -> Any:
-    return io.parse_pose(text, name, attitude=attitude)
+    return io.poses.parse_pose(text, name, attitude=attitude)
 
 
 def _brand(name: str) -> str:
@@ -107,7 +107,7 @@ def _brand(name: str) -> str:
 
 
 def _formats(incomplete: str) -> list[str]:
-    return [name for name in io.format_names() if name.startswith(incomplete)]
+    return [name for name in io.readings.format_names() if name.startswith(incomplete)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,7 +211,7 @@ def _device(rig: Rig | None) -> str | None:
 
 def _refuse_cad(path: str, options: FileOptions) -> None:
     """Refuse a CAD file, except a PLY file without faces."""
-    from tanteo.parts import readable_suffixes
+    from tanteo.parts.readers import readable_suffixes
 
     suffix = Path(path).suffix.lower()
     if suffix not in readable_suffixes() or options.format is not None:
@@ -239,8 +239,8 @@ def units_of_parts(paths: list[str], units: str | None, used: bool) -> str | Non
     """
     if not used:
         return units
-    from tanteo.catalogue import cad_files
-    from tanteo.parts import is_unitless
+    from tanteo.catalogue.file_warnings import cad_files
+    from tanteo.parts.readers import is_unitless
 
     files = [*paths, *map(str, cad_files(paths))]
     return units if any(is_unitless(Path(file).suffix) for file in files) else None

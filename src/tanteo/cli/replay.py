@@ -62,7 +62,7 @@ def replay(
     leave(decided=answer.status == "recognized")
 
 
-def resume(path: str, folders: Sequence[str], *, quiet: bool) -> tuple[io.SessionRecord, Session, float]:
+def resume(path: str, folders: Sequence[str], *, quiet: bool) -> tuple[io.documents.SessionRecord, Session, float]:
     """Return a record, its session, and the time at which both had been read.
 
     Args:
@@ -71,10 +71,10 @@ def resume(path: str, folders: Sequence[str], *, quiet: bool) -> tuple[io.Sessio
         quiet: whether to show no progress.
     """
     record = io.load_record(path)
-    parts = io.parts_of(record.parts, record.source, folders=folders)
+    parts = io.documents.parts_of(record.parts, record.source, folders=folders)
     loaded = time.perf_counter()
     with progress("repeating the session", quiet=quiet) as tick:
-        return record, io.resumed(record, parts, tick), loaded
+        return record, io.documents.resumed(record, parts, tick), loaded
 
 
 def _print_explained(session: Session, answer: posterior.Answer, *, as_json: bool, verbose: bool) -> None:
@@ -83,19 +83,19 @@ def _print_explained(session: Session, answer: posterior.Answer, *, as_json: boo
 
     explanation = explain(session.state, session.steps)
     if as_json:
-        document = {**io.recognition_document(answer), "explanation": io.explanation_document(explanation)}
-        put(io.document_json(document, warned()))
+        document = {**io.recognition_document(answer), "explanation": io.documents.explanation_document(explanation)}
+        put(io.documents.document_json(document, warned()))
         print_status(answer)
     else:
         print_answer(answer, verbose=verbose)
-        emit(["", *render.explanation_lines(explanation, layout=layout())])
+        emit(["", *render.text.explanation_lines(explanation, layout=layout())])
 
 
-def _compared(record: io.SessionRecord, answer: posterior.Answer) -> str:
+def _compared(record: io.documents.SessionRecord, answer: posterior.Answer) -> str:
     """Return how exactly an answer equals the recorded one, as text; raise InputError if it differs."""
     from tanteo import __version__
 
-    differ, exact = io.differences(record.answer, io.recognition_document(answer))
+    differ, exact = io.documents.differences(record.answer, io.recognition_document(answer))
     if differ:
         rest = f"; and {len(differ) - _SHOWN} more" if len(differ) > _SHOWN else ""
         raise InputError(

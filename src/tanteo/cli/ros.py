@@ -18,10 +18,11 @@ from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, 
 from tanteo.cli.readings import parse_direction, parse_latency, parse_radius, parse_time
 
 if TYPE_CHECKING:
-    from tanteo.io import Direction
+    from tanteo.io.readings import Direction
     from tanteo.parts import Part
     from tanteo.planning import Probe
-    from tanteo.ros import Estimator, Intake, RosNode
+    from tanteo.ros import Intake, RosNode
+    from tanteo.ros.estimators import Estimator
 else:  # the parser resolves annotations; this name avoids a slow import
     Direction = Any
 
@@ -127,7 +128,8 @@ def ros(options: Options, topics: TopicOptions) -> None:
 
     Subscribes to ranges and touches, and publishes poses with covariance.
     """
-    from tanteo.ros import RosNode, Settings, opened
+    from tanteo.ros import RosNode
+    from tanteo.ros.network import Settings, opened
 
     settings = Settings(topics.node, topics.sim_time, options.max_measurements, options.once)
     with _named(topics.node), opened(settings) as node:
@@ -153,7 +155,7 @@ def _named(name: str) -> Iterator[None]:
 def _intake(topics: TopicOptions) -> Intake:
     from tanteo.ros import Intake, Patience
 
-    stated = io.Stated(radius=topics.radius, direction=topics.direction)
+    stated = io.readings.Stated(radius=topics.radius, direction=topics.direction)
     wanted = io.RosOptions(tuple(topics.topics or ()), topics.world, topics.latency or 0.0)
     return Intake(wanted, stated, Patience(topics.patience, topics.patience, topics.max_age, topics.every))
 
@@ -162,9 +164,10 @@ def _estimator(parts: Sequence[Part], options: Options, topics: TopicOptions) ->
     """Return a session if a prior pose is given; otherwise a recognizer of all readings together."""
     import numpy as np
 
-    from tanteo.planning import Sensing, Session, Start, Stop
+    from tanteo.planning import Sensing, Session, Stop
+    from tanteo.planning.start import Start
     from tanteo.posterior import prepare_all
-    from tanteo.ros import JointEstimator, SessionEstimator
+    from tanteo.ros.estimators import JointEstimator, SessionEstimator
 
     rig = None if options.rig is None else files.read_rig(options.rig)
     sensing = Sensing(
@@ -210,7 +213,7 @@ def _ended_by_signals(server: RosNode) -> Iterator[None]:
 def _heard(options: Options, answer: posterior.Answer) -> None:
     """Print one line for each answer with ``--verbose``."""
     if options.verbose:
-        print_text(render.answer_lines(answer, layout=layout())[0], sys.stderr)
+        print_text(render.text.answer_lines(answer, layout=layout())[0], sys.stderr)
 
 
 def _print(answer: posterior.Answer | None, options: Options) -> None:
@@ -219,7 +222,7 @@ def _print(answer: posterior.Answer | None, options: Options) -> None:
         leave(decided=False)
         return
     if options.json:
-        put(io.document_json(io.recognition_document(answer), warned()))
+        put(io.documents.document_json(io.recognition_document(answer), warned()))
     else:
-        emit(render.answer_lines(answer, verbose=options.verbose, layout=layout()))
+        emit(render.text.answer_lines(answer, verbose=options.verbose, layout=layout()))
     leave(decided=answer.status == "recognized")

@@ -15,7 +15,8 @@ from tanteo.cli import files
 from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, warned
 
 if TYPE_CHECKING:
-    from tanteo.vision import Camera, CameraPose, Sight
+    from tanteo.vision import Camera, Sight
+    from tanteo.vision.table import CameraPose
 
 _DARK, _INEXACT = 32.0, 1.0
 """Largest grey level of a dark image; rms residual of marks above which the fit is poor [px]."""
@@ -56,7 +57,7 @@ def see(
     for note in taken.notes:
         complain("warning", f"{camera}: {note}")
     if marks is not None:
-        taken, fit = io.place_camera(taken, marks)
+        taken, fit = io.scenes.place_camera(taken, marks)
     if fit is not None and not json:
         emit([_fit_words(fit)], sys.stderr)
     if not json:
@@ -75,9 +76,9 @@ def see(
         io.write_image(picture, draw_sight(pixels, taken, sight))
     sight = _timed(sight, loaded, time.perf_counter() - start)
     if json:
-        put(io.sight_json(sight, warned()))
+        put(io.documents.sight_json(sight, warned()))
     else:
-        emit(render.sight_lines(sight, verbose=verbose, layout=layout()))
+        emit(render.text.sight_lines(sight, verbose=verbose, layout=layout()))
     leave(decided=bool(sight.objects) and all(seen.answer.status == "recognized" for seen in sight.objects))
 
 

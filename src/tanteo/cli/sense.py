@@ -94,7 +94,7 @@ def _sense(kind: str, options: Options) -> None:
     files.check_target("--record", options.record)
     sources = [("--scene", options.scene), *image_files(options.image, options.camera, options.marks)]
     files.check_different(("--record", options.record), inputs=sources, parts=options.parts or [])
-    scene = io.change_scene(
+    scene = io.scenes.change_scene(
         io.read_scene(options.scene),
         seed=options.seed,
         standoff=options.standoff,
@@ -104,8 +104,8 @@ def _sense(kind: str, options: Options) -> None:
     expected = None if options.image is None else _expected(kind, scene, options)
     if expected is not None:
         scene = replace(scene, guesses={**scene.guesses, kind: expected.guess})
-    got, robot = io.acquire(kind, scene)
-    clearance = io.least_clearance(scene, robot)
+    got, robot = io.scenes.acquire(kind, scene)
+    clearance = io.scenes.least_clearance(scene, robot)
     if options.record is not None:
         if got.readings is None:
             emit(["warning: there are no readings of the feature, so no record is written."], sys.stderr)
@@ -113,9 +113,9 @@ def _sense(kind: str, options: Options) -> None:
             with files.writing("--record", options.record):
                 io.write_readings(got.readings, options.record, unit="m")
     if options.json:
-        put(io.sensed_json(got, seed=scene.seed, clearance=clearance, expected=expected))
+        put(io.documents.sensed_json(got, seed=scene.seed, clearance=clearance, expected=expected))
     else:
-        lines = render.sensed_lines(
+        lines = render.text.sensed_lines(
             got, standoff=scene.standoff, clearance=clearance, seed=scene.seed, record=options.record,
             expected=expected, verbose=options.verbose, layout=layout(),
         )  # fmt: skip
@@ -123,7 +123,7 @@ def _sense(kind: str, options: Options) -> None:
     leave(decided=got.acquired)
 
 
-def _expected(kind: str, scene: io.SceneFile, options: Options) -> Predicted:
+def _expected(kind: str, scene: io.documents.SceneFile, options: Options) -> Predicted:
     """Return the expected feature of the most probable part in the image, and print its pose to standard error.
 
     Raises:
@@ -133,7 +133,7 @@ def _expected(kind: str, scene: io.SceneFile, options: Options) -> Predicted:
     view = viewed(scene, options.image, options.camera, options.marks)
     parts = files.read_all_parts(options.parts or [], options.units, quiet=True)
     seen = view.recognize(parts)
-    print_text(render.sighting_words(seen), sys.stderr)
+    print_text(render.text.sighting_words(seen), sys.stderr)
     if seen is None or not seen.answer.hypotheses:
         raise InputError("--image: expected a part on the table, got none that is known. Add its CAD file to --parts.")
     best, unknown = seen.answer.hypotheses[0], seen.answer.unknown_probability
@@ -143,7 +143,7 @@ def _expected(kind: str, scene: io.SceneFile, options: Options) -> Predicted:
             "Add the CAD file of the object."
         )
     part = next(part for part in parts if part.name == best.part)
-    expected = io.expected_feature(kind, scene, part, best, options.face)
+    expected = io.scenes.expected_feature(kind, scene, part, best, options.face)
     words = f"The hand goes to {expected.name} of {part.name}, P = {best.probability:.2f}"
-    print_text(f"{words}, {render.known_words(expected)}.", sys.stderr)
+    print_text(f"{words}, {render.text.known_words(expected)}.", sys.stderr)
     return expected

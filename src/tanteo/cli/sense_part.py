@@ -19,7 +19,8 @@ from tanteo.cli.session_record import kept, write_session
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.planning import Start, Visit
+    from tanteo.planning.execution import Visit
+    from tanteo.planning.start import Start
 
 
 def image_files(image: str | None, camera: str | None, marks: str | None) -> list[tuple[str, str | None]]:
@@ -33,7 +34,7 @@ def image_files(image: str | None, camera: str | None, marks: str | None) -> lis
     return [("--image", None if image == "render" else image), ("--camera", camera), ("--marks", marks)]
 
 
-def viewed(scene: io.SceneFile, image: str, camera: str | None, marks: str | None) -> io.SceneView:
+def viewed(scene: io.documents.SceneFile, image: str, camera: str | None, marks: str | None) -> io.scenes.SceneView:
     """Return the image of a scene, and print warnings about assumptions on its camera.
 
     Args:
@@ -42,7 +43,7 @@ def viewed(scene: io.SceneFile, image: str, camera: str | None, marks: str | Non
         camera: value of ``--camera``.
         marks: value of ``--marks``.
     """
-    view = io.view_of(scene, image, camera, marks)
+    view = io.scenes.view_of(scene, image, camera, marks)
     for note in view.camera.notes:
         complain("warning", f"{camera or scene.source}: {note}")
     return view
@@ -71,33 +72,35 @@ def sense_part(
     files.check_target("--record", record)
     sources = [("--scene", scene), *image_files(options.image, options.camera, options.marks)]
     files.check_different(("--record", record), ("--report", report), inputs=sources, parts=parts)
-    place = io.change_scene(io.read_scene(scene), seed=options.seed, standoff=options.standoff)
+    place = io.scenes.change_scene(io.read_scene(scene), seed=options.seed, standoff=options.standoff)
     start = start_of(place, parts, options, as_json=json)
     with misuse(always=False):
-        session, robot, rules = io.session_of(place, start, options.stop(), options.policy)
+        session, robot, rules = io.scenes.session_of(place, start, options.stop(), options.policy)
     with kept(session, record) as keep, _shown(verbose=verbose) as show:
 
         def watch(visit: Visit) -> None:
             keep()
             show(visit)
 
-        done = sense_part(session, robot, rules, furniture=io.furniture_of(place), errors=place.cell.robot, watch=watch)
-    clearance = io.least_clearance(place, robot)
+        done = sense_part(
+            session, robot, rules, furniture=io.scenes.furniture_of(place), errors=place.cell.robot, watch=watch
+        )
+    clearance = io.scenes.least_clearance(place, robot)
     answer = session.answer()
     if json:
-        put(io.executed_json(answer, done, readings=session.count, clearance=clearance, warnings=warned()))
+        put(io.documents.executed_json(answer, done, readings=session.count, clearance=clearance, warnings=warned()))
         if not done.end.reached:
             print_text(done.end.message, sys.stderr)
     else:
-        emit(render.executed_lines(answer, done, session.count, clearance, verbose=verbose, layout=layout()))
+        emit(render.text.executed_lines(answer, done, session.count, clearance, verbose=verbose, layout=layout()))
     write_session(session, record)
     if report is not None:
-        files.report_session(report, session, *render.executed_facts(done, session.count, clearance), as_json=json)
+        files.report_session(report, session, *render.text.executed_facts(done, session.count, clearance), as_json=json)
     leave(decided=answer.status == "recognized" and done.end.reached)
 
 
 def start_of(
-    scene: io.SceneFile, part_paths: Sequence[str], options: SessionOptions, *, as_json: bool = False
+    scene: io.documents.SceneFile, part_paths: Sequence[str], options: SessionOptions, *, as_json: bool = False
 ) -> Start:
     """Return the prior poses of a session in a scene; the result of an image is printed to standard error.
 
@@ -116,11 +119,11 @@ def start_of(
     known = options.known()
     view = None if options.image is None else viewed(scene, options.image, options.camera, options.marks)
     parts = files.read_all_parts(part_paths, options.units, quiet=as_json)
-    start, seen = io.start_of(
+    start, seen = io.scenes.start_of(
         scene, parts, known, view, outlier_rate=options.outlier_rate, unknown=options.unknown_prior
     )
     if view is not None:
-        print_text(render.sighting_words(seen), sys.stderr)
+        print_text(render.text.sighting_words(seen), sys.stderr)
     if start is not None:
         return start
     if view is None:
@@ -130,7 +133,7 @@ def start_of(
         )
     answer = posterior.Answer("unknown", (NoPartOnTable(),), (), 1.0)
     if as_json:
-        put(io.recognition_json(answer))
+        put(io.documents.recognition_json(answer))
     print_text(f"unknown: {answer.message}", sys.stderr if as_json else sys.stdout)
     raise typer.Exit(UNDECIDED)
 
@@ -139,7 +142,7 @@ def start_of(
 def _shown(*, verbose: bool) -> Iterator[Callable[[Visit], None]]:
     """Print a line for every question to standard error; on a terminal also a status line."""
     if not sys.stderr.isatty():
-        yield lambda visit: emit(render.visit_lines(visit, verbose=verbose), sys.stderr)
+        yield lambda visit: emit(render.text.visit_lines(visit, verbose=verbose), sys.stderr)
         return
     from rich.console import Console
 
@@ -147,7 +150,7 @@ def _shown(*, verbose: bool) -> Iterator[Callable[[Visit], None]]:
     with console.status("sensing") as status:
 
         def watch(visit: Visit) -> None:
-            for line in render.visit_lines(visit, verbose=verbose):
+            for line in render.text.visit_lines(visit, verbose=verbose):
                 console.print(line, markup=False, soft_wrap=True)
             status.update(f"sensing: {visit.seconds:.0f} s simulated")
 

@@ -17,7 +17,9 @@ from tanteo.cli.printing import complain, emit, layout, leave, print_text, put_j
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.sensors import Calibration, Rig, RobotPreset, SensorPreset
+    from tanteo.sensors import Rig
+    from tanteo.sensors.calibration import Calibration
+    from tanteo.sensors.presets import RobotPreset, SensorPreset
 
 
 def _preset_names(incomplete: str) -> list[str]:
@@ -32,18 +34,18 @@ def list_presets(json: args.Json = False) -> None:
 
     Shows how far the figures of each were verified.
     """
-    from tanteo.sensors import robot_presets, sensor_presets
+    from tanteo.sensors.presets import robot_presets, sensor_presets
 
     if json:
         document = {
             "schema": "tanteo.sensors/1",
             "sensors": [asdict(p) for p in sensor_presets().values()],
             "robots": [asdict(p) for p in robot_presets().values()],
-            "rigs": list(io.shipped_rigs()),
+            "rigs": list(io.documents.shipped_rigs()),
         }
         put_json(document)
     else:
-        emit(render.preset_lines(sensor_presets(), robot_presets(), io.shipped_rigs(), layout=layout()))
+        emit(render.text.preset_lines(sensor_presets(), robot_presets(), io.documents.shipped_rigs(), layout=layout()))
 
 
 def show_preset(
@@ -60,13 +62,13 @@ def show_preset(
 
     Noise over range and incidence, limits and source.
     """
-    from tanteo.sensors import RobotPreset
+    from tanteo.sensors.presets import RobotPreset
 
     preset = _preset(name)
     if picture is not None:
         if isinstance(preset, RobotPreset):
             raise MisuseError(f"--picture: expected a range sensor, got the robot '{name}'. Drop --picture.")
-        from tanteo.render import noise_picture
+        from tanteo.render.pictures import noise_picture
 
         with files.writing("--picture", picture), misuse():
             noise_picture(preset, picture)
@@ -75,16 +77,16 @@ def show_preset(
         return
     show = layout()
     emit(
-        render.robot_lines(preset, layout=show)
+        render.text.robot_lines(preset, layout=show)
         if isinstance(preset, RobotPreset)
-        else render.sensor_lines(preset, layout=show)
+        else render.text.sensor_lines(preset, layout=show)
     )
     if picture is not None:
         print_text(f"picture drawn: {picture}")
 
 
 def _preset(name: str) -> SensorPreset | RobotPreset:
-    from tanteo.sensors import robot_presets, sensor_preset
+    from tanteo.sensors.presets import robot_presets, sensor_preset
 
     if name in robot_presets():
         return robot_presets()[name]
@@ -104,9 +106,9 @@ def show_rig(
     """
     rig = files.read_rig(file)
     if json:
-        put_json(io.rig_document(rig))
+        put_json(io.documents.rig_document(rig))
     else:
-        emit(render.rig_lines(rig, file, layout=layout()))
+        emit(render.text.rig_lines(rig, file, layout=layout()))
 
 
 def fit(
@@ -136,7 +138,8 @@ def fit(
 
     Estimates beams, noise and bias. The surfaces may be anywhere; the poses of the hand are known.
     """
-    from tanteo.sensors import calibrate, robot_preset, sensor_preset
+    from tanteo.sensors import calibrate
+    from tanteo.sensors.presets import robot_preset, sensor_preset
 
     files.check_target("--write", write)
     files.check_target("--picture", picture)
@@ -155,16 +158,16 @@ def fit(
     if write is not None and calibrated:
         _write(found, nominal, unlike, log, write)
     if picture is not None:
-        from tanteo.render import coverage_picture
+        from tanteo.render.pictures import coverage_picture
 
         with files.writing("--picture", picture), misuse():
             coverage_picture(found, picture)
     if json:
-        put_json(io.calibration_document(found))
+        put_json(io.documents.calibration_document(found))
         if not calibrated:
             print_text(f"{found.status}: {found.message}", sys.stderr)
     else:
-        emit(render.calibration_lines(found, verbose=verbose, layout=layout()))
+        emit(render.text.calibration_lines(found, verbose=verbose, layout=layout()))
         _print_written(write if calibrated else None, picture)
     if write is not None and not calibrated:
         complain("warning", f"{write} was not written: this log does not determine a rig.")
@@ -179,7 +182,7 @@ def _print_written(rig: str | None, picture: str | None) -> None:
 
 
 def _write(found: Calibration, rig: Rig | None, sensor: SensorPreset | None, log: str, path: str) -> None:
-    from tanteo.sensors import calibrated_rig
+    from tanteo.sensors.calibration import calibrated_rig
 
     comment = (
         f"Calibrated by `tanteo sensor fit` from {Path(log).name}: {int(found.good.sum())} places.\n"

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tanteo.geometry import UncertainFrame
     from tanteo.geometry.typing import FloatArray
     from tanteo.hand import ForbiddenBox
-    from tanteo.io import Brand
+    from tanteo.io.readings import Brand
     from tanteo.posterior import PosePrior, Table
 
 
@@ -44,7 +44,7 @@ def preset(name: str) -> str:
     Args:
         name: name as typed.
     """
-    from tanteo.sensors import sensor_preset
+    from tanteo.sensors.presets import sensor_preset
 
     sensor_preset(name)
     return name
@@ -56,7 +56,7 @@ def robot(name: str) -> str:
     Args:
         name: name as typed.
     """
-    from tanteo.sensors import robot_preset
+    from tanteo.sensors.presets import robot_preset
 
     robot_preset(name)
     return name
@@ -86,7 +86,7 @@ def unit(name: str) -> str:
     Args:
         name: name as typed.
     """
-    from tanteo.parts import unit_name
+    from tanteo.parts.readers import unit_name
 
     return unit_name(name)
 
@@ -102,7 +102,7 @@ def length(name: str, example: str, text: str) -> float:
     Raises:
         InputError: the length is not positive.
     """
-    value = io.parse_length(text, name)
+    value = io.readings.parse_length(text, name)
     if not value > 0:
         raise InputError(f"{name}: expected a positive length, got '{text}'. Write it as {example}.")
     return value
@@ -121,7 +121,7 @@ def spread(name: str, positive: bool, text: str) -> float:
     """
     from tanteo.geometry.limits import LARGEST, LEAST_SD
 
-    value = io.parse_length(text, name)
+    value = io.readings.parse_length(text, name)
     if not math.isfinite(value) or value < 0 or (positive and value == 0):
         expected = "a positive length" if positive else "a length of zero or more"
         raise InputError(f"{name}: expected {expected}, got '{text}'. Write it as 0.3mm.")
@@ -142,7 +142,7 @@ def tip(text: str) -> tuple[float, ...]:
     """
     from tanteo.geometry.limits import LARGEST
 
-    values = io.parse_lengths(text, "--tip-sd")
+    values = io.readings.parse_lengths(text, "--tip-sd")
     if len(values) != 3 or min(values) < 0 or max(values) == 0:
         raise InputError(
             f"--tip-sd: expected three lengths of zero or more (x, y, z of the hand), got '{text}'. "
@@ -162,7 +162,7 @@ def standoff(text: str) -> float:
     Raises:
         InputError: the length is outside of 1 mm to 1 m.
     """
-    value = io.parse_length(text, "--standoff")
+    value = io.readings.parse_length(text, "--standoff")
     if not 1e-3 <= value <= 1:
         raise InputError(f"--standoff: expected a length of 1 mm to 1 m, got '{text}'. Write it as 20mm.")
     return value
@@ -238,7 +238,7 @@ def forbidden(texts: list[str]) -> list[ForbiddenBox]:
 
     boxes = []
     for corners in texts:
-        values = io.parse_lengths(corners, "--forbid")
+        values = io.readings.parse_lengths(corners, "--forbid")
         if len(values) != 6:
             raise InputError(
                 f"--forbid: expected two corners of three lengths, got '{corners}'. Write it as 150,0,0,180,60,250mm."
@@ -253,7 +253,7 @@ def pose(text: str) -> Any:
     Args:
         text: value as typed.
     """
-    frame = io.parse_pose_prior(text, "--pose-prior")
+    frame = io.poses.parse_pose_prior(text, "--pose-prior")
     _warn_if_unverified("--pose-prior", io.BRANDS.get(text.split(maxsplit=1)[0].rstrip(":")))
     return frame
 
@@ -274,7 +274,7 @@ def sensor_names(incomplete: str) -> list[str]:
     Args:
         incomplete: beginning of the name.
     """
-    from tanteo.sensors import sensor_presets
+    from tanteo.sensors.presets import sensor_presets
 
     return [name for name in sensor_presets() if name.startswith(incomplete)]
 
@@ -285,7 +285,7 @@ def robot_names(incomplete: str) -> list[str]:
     Args:
         incomplete: beginning of the name.
     """
-    from tanteo.sensors import robot_presets
+    from tanteo.sensors.presets import robot_presets
 
     return [name for name in robot_presets() if name.startswith(incomplete)]
 
@@ -330,7 +330,7 @@ def read_known(
     if file is None:
         return stated
     read = io.read_prior(file)
-    _warn_if_unverified(f"{file}, near", io.prior_brand(file))
+    _warn_if_unverified(f"{file}, near", io.poses.prior_brand(file))
     options = {"table": "--table", "box": "--box", "T_world_part": "--pose-prior", "covariance": "--pose-prior"}
     for name in given:
         if getattr(read, name) is not None:

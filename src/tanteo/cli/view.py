@@ -24,7 +24,7 @@ from tanteo.cli.session_options import SessionOptions
 from tanteo.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
-    from tanteo.render import Show
+    from tanteo.render.live import Show
 
 _PORTS = 65535
 _TOLERANCE = 2e-3
@@ -95,7 +95,7 @@ def view(
 
     The page steps through the session, and lets the user choose readings.
     """
-    from tanteo.render import NEEDS_VISER, replay
+    from tanteo.render.live import NEEDS_VISER, replay
 
     if find_spec("viser") is None:
         raise MissingExtraError(NEEDS_VISER)
@@ -123,7 +123,7 @@ def _example(
 
 def _play(path: str | Path, folders: Sequence[str], options: Options, port: int, *, bare: bool, show: bool) -> None:
     """Play the session of a scene on a live page."""
-    from tanteo.render import play, scene_show
+    from tanteo.render.live import play, scene_show
 
     scene = io.read_scene(path)
     start = start_of(scene, folders, options)

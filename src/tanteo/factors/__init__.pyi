@@ -1,11 +1,6 @@
+from . import factor as factor
 from .axis_centre import AxisCentre as AxisCentre
-from .factor import KINDS as KINDS
 from .factor import Factor as Factor
-from .factor import SensedDirection as SensedDirection
-from .factor import SensedSize as SensedSize
-from .factor import factor_class as factor_class
-from .factor import landmark_rows as landmark_rows
-from .factor import numbered_landmarks as numbered_landmarks
 from .features import as_labelled_points as as_labelled_points
 from .points import ContactPoints as ContactPoints
 from .points import as_contact_points as as_contact_points

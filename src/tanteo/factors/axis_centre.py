@@ -10,7 +10,8 @@ import numpy as np
 from tanteo.factors.factor import FeaturePart, Landmark, register_factor
 from tanteo.factors.line_points import line_points
 from tanteo.factors.round_centre import MADE, RoundCentre, centre_of, size_of
-from tanteo.features import CIRCLE, CYLINDER, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import CIRCLE, CYLINDER
 from tanteo.geometry.typing import FloatArray
 from tanteo.parts import Part, round_features
 

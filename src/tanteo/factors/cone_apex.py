@@ -9,7 +9,8 @@ import numpy as np
 
 from tanteo.factors.factor import FeaturePart, Landmark, register_factor
 from tanteo.factors.round_centre import MADE_ANGLE, RoundCentre, centre_of, point_landmarks, size_of
-from tanteo.features import CONE, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import CONE
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray
 from tanteo.parts import Part

@@ -7,7 +7,8 @@ from typing import ClassVar
 
 from tanteo.factors.factor import FeaturePart, register_factor
 from tanteo.factors.on_surface import OnSurface
-from tanteo.features import VERTEX, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import VERTEX
 from tanteo.geometry.typing import FloatArray
 
 

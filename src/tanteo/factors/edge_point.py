@@ -8,7 +8,8 @@ from typing import ClassVar
 from tanteo.factors.factor import FeaturePart, register_factor
 from tanteo.factors.line_points import line_points
 from tanteo.factors.on_surface import OnSurface
-from tanteo.features import EDGE, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import EDGE
 from tanteo.geometry.typing import FloatArray
 
 

@@ -13,7 +13,8 @@ import numpy as np
 from tanteo.factors.factor import Factor, FeaturePart, Landmark, MeasuredRow, SensedDirection, SensedSize
 from tanteo.features import Feature
 from tanteo.geometry.typing import FloatArray, Vectors
-from tanteo.parts import Part, centred_faces
+from tanteo.parts import Part
+from tanteo.parts.faces import centred_faces
 
 MADE = 1e-4
 """Standard deviation of a made radius against its CAD [m]: threads are modelled as plain holes (decision 70)."""

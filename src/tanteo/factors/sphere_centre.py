@@ -7,7 +7,8 @@ from typing import ClassVar
 
 from tanteo.factors.factor import FeaturePart, Landmark, register_factor
 from tanteo.factors.round_centre import MADE, RoundCentre, centre_of, point_landmarks
-from tanteo.features import SPHERE, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import SPHERE
 from tanteo.geometry.typing import FloatArray
 from tanteo.parts import Part
 

@@ -11,7 +11,8 @@ from tanteo.errors import InputError
 from tanteo.factors.factor import FeaturePart, SensedDirection, register_factor
 from tanteo.factors.on_surface import OnSurface
 from tanteo.factors.plane_points import equivalent_points, typical_residuals
-from tanteo.features import PLANE, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import PLANE
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray
 

@@ -9,9 +9,11 @@ import numpy as np
 
 from tanteo.factors.factor import FeaturePart, Landmark, register_factor
 from tanteo.factors.round_centre import MADE, RoundCentre, centre_of
-from tanteo.features import Feature, FeatureKind, register_kind
+from tanteo.features import Feature
+from tanteo.features.kinds import FeatureKind, register_kind
 from tanteo.geometry.typing import FloatArray, Vectors
-from tanteo.parts import Face, Part
+from tanteo.parts import Part
+from tanteo.parts.faces import Face
 
 TORUS = register_kind(
     FeatureKind(

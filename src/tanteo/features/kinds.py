@@ -64,7 +64,7 @@ class FeatureKind:
         """Roles in constraints: the shape; for a round kind its axis, its centre (apex), or both.
 
         Example:
-            >>> tanteo.features.CIRCLE.aspects
+            >>> tanteo.features.kinds.CIRCLE.aspects
             ('axis', 'centre')
         """
         if not self.size_name:

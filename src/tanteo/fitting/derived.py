@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.errors import DegenerateError, InputError
-from tanteo.features import EDGE, PLANE, Feature, relate_all
+from tanteo.features import Feature, relate_all
+from tanteo.features.kinds import EDGE, PLANE
 from tanteo.fitting.estimate import Estimate, SharedReadings, shared_terms
 from tanteo.fitting.vertex import inherit
 from tanteo.geometry import SE3, SO3

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.errors import DegenerateError, InputError
-from tanteo.features import EDGE, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import EDGE
 from tanteo.fitting.estimate import (
     Estimate,
     FitReport,

@@ -10,7 +10,8 @@ from typing import TypeAlias
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, CONE, CYLINDER, EDGE, PLANE, SPHERE, VERTEX, Feature, FeatureKind, Sides
+from tanteo.features import Feature, Sides
+from tanteo.features.kinds import CIRCLE, CONE, CYLINDER, EDGE, PLANE, SPHERE, VERTEX, FeatureKind
 from tanteo.fitting.agreement import jointly
 from tanteo.fitting.edge import fit_edge
 from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, make_report, shared_terms

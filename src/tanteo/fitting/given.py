@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tanteo.errors import InputError
-from tanteo.features import Feature, FeatureKind, Round, SharedTerm
+from tanteo.features import Feature, Round, SharedTerm
+from tanteo.features.kinds import FeatureKind
 from tanteo.geometry import SE3, SO3, check_covariance
 from tanteo.geometry.typing import FloatArray, Vectors
 
@@ -52,7 +53,7 @@ def given_round(
 
     Example:
         >>> hole = tanteo.fitting.given_round(
-        ...     tanteo.features.CIRCLE, [0.1, 0, 0], 1e-5, axis=[0, 0, 2], axis_sd=1e-3, size=3e-3, label="A"
+        ...     tanteo.features.kinds.CIRCLE, [0.1, 0, 0], 1e-5, axis=[0, 0, 2], axis_sd=1e-3, size=3e-3, label="A"
         ... )
         >>> hole.radius, hole.convex is None
         (0.003, True)

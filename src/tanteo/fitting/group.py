@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.errors import DegenerateError, SideError
-from tanteo.features import PLANE, Feature, FeatureKind, Sides, chi2_p_value
+from tanteo.features import Feature, Sides, chi2_p_value
+from tanteo.features.kinds import PLANE, FeatureKind
 from tanteo.fitting.agreement import Bending, bending, residuals_of
 from tanteo.fitting.estimate import FitReport
 from tanteo.fitting.fits import FITS, LabelledPoints

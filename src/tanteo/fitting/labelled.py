@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import DegenerateError, InputError, SideError
-from tanteo.features import PLANE, Feature, SharedTerm, Sides
+from tanteo.features import Feature, SharedTerm, Sides
+from tanteo.features.kinds import PLANE
 from tanteo.fitting.group import fit_group
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import IntArray

@@ -9,7 +9,9 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, CYLINDER, PLANE, Feature, SharedError, SharedTerm, reframe_near, shared_root
+from tanteo.features import Feature, SharedError, SharedTerm, shared_root
+from tanteo.features.kinds import CIRCLE, CYLINDER, PLANE
+from tanteo.features.reframing import reframe_near
 from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, check_points, make_report, rigid_motion
 from tanteo.fitting.flatness import refuse_flat
 from tanteo.fitting.round_estimate import KnownFrame, RoundEstimate, check_positive, solved
@@ -206,7 +208,7 @@ def with_named_errors(plane: Feature) -> Feature:
         InputError: if the plane has no label to name the error after.
 
     Example:
-        >>> top = tanteo.features.Feature(tanteo.features.PLANE, np.eye(4), 1e-10 * np.eye(3), label="top")
+        >>> top = tanteo.features.Feature(tanteo.features.kinds.PLANE, np.eye(4), 1e-10 * np.eye(3), label="top")
         >>> tanteo.fitting.with_named_errors(top).shared[0].error.name
         "plane 'top'"
     """

@@ -12,7 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.errors import DegenerateError, InputError, SideError
-from tanteo.features import PLANE, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import PLANE
 from tanteo.fitting.estimate import (
     Estimate,
     FitReport,

@@ -13,7 +13,8 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind, chi2_limit, shared_root
+from tanteo.features import chi2_limit, shared_root
+from tanteo.features.kinds import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind
 from tanteo.fitting.estimate import Estimate, SharedReadings, check_points, rigid_error
 from tanteo.fitting.flatness import refuse_flat
 from tanteo.geometry.limits import SUSPECT

@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, CONE, Feature, FeatureKind, Round, SharedError, SharedTerm
+from tanteo.features import Feature, Round, SharedError, SharedTerm
+from tanteo.features.kinds import CIRCLE, CONE, FeatureKind
 from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, check_points, make_report, shared_terms
 from tanteo.fitting.round_estimate import SURFACES, RoundEstimate, round_distances, round_ml, unknowns
 from tanteo.fitting.round_refusal import refuse
@@ -72,7 +73,7 @@ def fit_round(
         >>> turn = np.radians(np.arange(0, 360, 45))
         >>> ring = np.stack([5e-3 * np.cos(turn), 5e-3 * np.sin(turn), 0 * turn], axis=1)
         >>> covs = np.tile(1e-10 * np.eye(3), (8, 1, 1))
-        >>> hole, report = tanteo.fitting.fit_round(tanteo.features.CIRCLE, ring, covs, label="hole")
+        >>> hole, report = tanteo.fitting.fit_round(tanteo.features.kinds.CIRCLE, ring, covs, label="hole")
         >>> round(1e3 * hole.radius, 6)
         5.0
     """

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tanteo.errors import DegenerateError
-from tanteo.features import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind
+from tanteo.features.kinds import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind
 from tanteo.fitting.round_estimate import RoundEstimate
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Vectors

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import DegenerateError, InputError
-from tanteo.features import VERTEX, Feature, SharedTerm, collect_shared, relate_all
+from tanteo.features import Feature, SharedTerm, collect_shared, relate_all
+from tanteo.features.kinds import VERTEX
 from tanteo.fitting.estimate import (
     Estimate,
     FitReport,

@@ -10,9 +10,12 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.factors import PoseFactor
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms
-from tanteo.planning import Start, prior_poses
+from tanteo.planning.execution import prior_poses
+from tanteo.planning.start import Start
 from tanteo.posterior import Alternatives, OnTable, PreparedPart
-from tanteo.vision import Camera, EdgePoints, ImageEdges, Weights, chance_map, map_edges
+from tanteo.vision import Camera
+from tanteo.vision.edges import EdgePoints, map_edges
+from tanteo.vision.image_edges import ImageEdges, Weights, chance_map
 
 
 @dataclass(frozen=True, slots=True, eq=False)

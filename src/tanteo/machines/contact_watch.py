@@ -8,7 +8,9 @@ import numpy as np
 from scipy.special import ndtr
 
 from tanteo.machines.protocol import Sensed
-from tanteo.planning import SensingState, Session, draw, predict
+from tanteo.planning import SensingState, Session
+from tanteo.planning.predictions import predict
+from tanteo.planning.samples import draw
 
 _ALPHA = 0.01
 """Level of a test, the default of ``--alpha``. A miss less probable than this counts as one of this probability."""

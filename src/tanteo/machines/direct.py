@@ -33,7 +33,7 @@ class DirectMachine:
         return MachineStatus(state, self.tip.place, self.tip.tripped, 0.0, state)
 
     def move(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
-        """Move straight to a pose; see :class:`~tanteo.machines.Machine`.
+        """Move straight to a pose; see :class:`~tanteo.machines.protocol.Machine`.
 
         Args:
             T_world_probe: pose at the end ``(4, 4)`` [m].
@@ -58,7 +58,7 @@ class DirectMachine:
         self._go(T_world_probe[:3, 3], speed, until_contact=False)
 
     def sense(self, direction: Vectors, reach: float, speed: float, seconds: float) -> Sensed:
-        """Move along a direction until contact; see :class:`~tanteo.machines.Machine`.
+        """Move along a direction until contact; see :class:`~tanteo.machines.protocol.Machine`.
 
         Args:
             direction: unit direction ``(3,)``.

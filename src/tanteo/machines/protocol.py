@@ -172,7 +172,7 @@ class Machine(Protocol):
         """Send the lines that set a work frame to the controller.
 
         Args:
-            text: lines, as :func:`tanteo.io.write_work_frame` writes them.
+            text: lines, as :func:`tanteo.io.poses.write_work_frame` writes them.
             seconds: largest duration [s].
         """
         ...

@@ -16,7 +16,8 @@ from tanteo.machines.protocol import ContactError, RefusedError, Sensed, Stopped
 from tanteo.machines.safe import SafeMachine
 from tanteo.machines.signals import stop_on_signals
 from tanteo.machines.ways import Ways
-from tanteo.planning import Action, Done, Session, Step, largest_corner_sd
+from tanteo.planning import Action, Done, Session, Step
+from tanteo.planning.stopping import largest_corner_sd
 from tanteo.words.findings import BeamsFree, NoClearPath, Stated
 
 _REFUSED = 25

@@ -252,7 +252,7 @@ class SafeMachine:
         """Send the lines that set a work frame to the controller.
 
         Args:
-            text: lines, as :func:`tanteo.io.write_work_frame` writes them.
+            text: lines, as :func:`tanteo.io.poses.write_work_frame` writes them.
 
         Raises:
             StoppedError: the machine takes no further commands.

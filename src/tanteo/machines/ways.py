@@ -12,8 +12,10 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Transforms
 from tanteo.machines.programs.job import Job, Touch, first_way, leaves, tool_axes, transfer
-from tanteo.planning import Action, Probe, Start
-from tanteo.posterior import box_corners, point_moves
+from tanteo.planning import Action, Probe
+from tanteo.planning.start import Start
+from tanteo.posterior import box_corners
+from tanteo.posterior.answers import point_moves
 
 _SDS = 3.0
 """Clearance of the paths from the part, in standard deviations of its position."""

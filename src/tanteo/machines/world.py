@@ -11,7 +11,8 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Transforms, Vectors
-from tanteo.parts import Surface, ball_contact, signed_distance
+from tanteo.parts import Surface, signed_distance
+from tanteo.parts.shapes import ball_contact
 
 _TRIPPED = 2e-6
 """Distance from the surface below which the ball is in contact [m]."""

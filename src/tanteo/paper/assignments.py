@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.features import EDGE, Feature, feature_covariance, gate
+from tanteo.features import Feature, feature_covariance, gate
 from tanteo.features.constraints import published
+from tanteo.features.kinds import EDGE
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.parts import Part
 

@@ -10,7 +10,8 @@ from tanteo.errors import InputError
 from tanteo.fitting import LabelledFeatures, fit_labelled
 from tanteo.paper.recognition import identify_as_published
 from tanteo.parts import Part
-from tanteo.posterior import Answer, with_elapsed
+from tanteo.posterior import Answer
+from tanteo.posterior.answers import with_elapsed
 from tanteo.sensors import PointMeasurements, reading_kind
 from tanteo.words.findings import LabelNotes, LabelsRejected, NoFeatures
 

@@ -14,22 +14,21 @@ import numpy as np
 from tanteo.defaults import SIGNIFICANCE, TOP
 from tanteo.errors import InputError
 from tanteo.features import Feature, Sides, collect_shared, shared_root
-from tanteo.fitting import Block, ModelFeature, Pairing, estimate_pose, first_pose, gauss_newton, relation_between
+from tanteo.fitting.localization import (
+    Block,
+    ModelFeature,
+    Pairing,
+    estimate_pose,
+    first_pose,
+    gauss_newton,
+    relation_between,
+)
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms
 from tanteo.paper.assignments import Candidates, assignments, candidates_of
 from tanteo.parts import Part
-from tanteo.posterior import (
-    Answer,
-    Clock,
-    Hypothesis,
-    Misfit,
-    check_question,
-    hypothesis_at,
-    part_scale,
-    verdict,
-    without_symmetric_rotation,
-)
+from tanteo.posterior import Answer, Hypothesis, Misfit, verdict
+from tanteo.posterior.answers import Clock, check_question, hypothesis_at, part_scale, without_symmetric_rotation
 from tanteo.words.findings import CutShort
 
 _KINDS = "plane", "edge", "vertex"

@@ -19,7 +19,7 @@ from tanteo.geometry import SE3, SO3
 from tanteo.geometry.special import chi2_survival
 from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.planning.state import SensingState
-from tanteo.posterior import point_moves
+from tanteo.posterior.answers import point_moves
 from tanteo.sensors import Column, PointMeasurements, Readings
 
 Measured = Callable[[Readings], PointMeasurements]

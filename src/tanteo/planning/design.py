@@ -16,7 +16,8 @@ from tanteo.planning.probe import Probe
 from tanteo.planning.samples import even_normals
 from tanteo.planning.start import Start
 from tanteo.planning.state import begin
-from tanteo.posterior import PreparedPart, observed_covariance
+from tanteo.posterior import PreparedPart
+from tanteo.posterior.answers import observed_covariance
 
 _CANDIDATES = 800
 """Number of candidates of a plan."""

@@ -18,7 +18,8 @@ from tanteo.planning.samples import draw
 from tanteo.planning.start import Start
 from tanteo.planning.state import SensingState, begin
 from tanteo.planning.utility import about_mode
-from tanteo.posterior import PreparedPart, Priors, Problem, corner_moves, identify_points, prepare_all, refine_poses
+from tanteo.posterior import PreparedPart, Priors, Problem, identify_points, prepare_all, refine_poses
+from tanteo.posterior.answers import corner_moves
 from tanteo.words.findings import NoPlaceReached, ReadingDiscriminates
 
 _PLACES = 60

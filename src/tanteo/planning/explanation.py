@@ -13,16 +13,9 @@ from tanteo.parts import Part
 from tanteo.planning.start import Start
 from tanteo.planning.state import SensingState, begin
 from tanteo.planning.stopping import largest_corner_sd
-from tanteo.posterior import (
-    DEFAULTS,
-    corner_moves,
-    face_names,
-    goodness_of_fit,
-    information_by_point,
-    motion_of,
-    observed_covariance,
-    symmetry_motions,
-)
+from tanteo.posterior import DEFAULTS
+from tanteo.posterior.answers import corner_moves, motion_of, observed_covariance, symmetry_motions
+from tanteo.posterior.fit_at_mode import face_names, goodness_of_fit, information_by_point
 from tanteo.words import Motion
 
 _FORGOTTEN = np.exp(-DEFAULTS.search.negligible)

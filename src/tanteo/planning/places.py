@@ -14,7 +14,8 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.geometry.typing import Covariances, FloatArray, Vectors
 from tanteo.parts import NamedFace, Part, named_class, named_feature
-from tanteo.posterior import box_corners, point_moves
+from tanteo.posterior import box_corners
+from tanteo.posterior.answers import point_moves
 
 
 @dataclass(frozen=True, slots=True, eq=False)

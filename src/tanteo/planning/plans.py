@@ -24,7 +24,7 @@ from tanteo.planning.placements import Promise
 from tanteo.planning.places import check_feature, places_of
 from tanteo.planning.probe import Probe
 from tanteo.planning.start import Start
-from tanteo.posterior import corner_sd, observed_covariance
+from tanteo.posterior.answers import corner_sd, observed_covariance
 from tanteo.words import Finding, message_of
 from tanteo.words.findings import (
     FaceOftenMissed,

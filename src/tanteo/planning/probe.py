@@ -10,7 +10,7 @@ from tanteo.errors import InputError, check_kind
 from tanteo.geometry.limits import LARGEST, LEAST_SD
 from tanteo.geometry.typing import BoolArray, FloatArray, Vectors
 from tanteo.hand import Workspace
-from tanteo.sensors import NoiseLaw, RobotPreset, SensorPreset, robot_preset, sensor_preset
+from tanteo.sensors.presets import NoiseLaw, RobotPreset, SensorPreset, robot_preset, sensor_preset
 
 _POSITIVE = ("max_range", "standoff", "clearance", "retreat", "speed")
 _NOT_NEGATIVE = (
@@ -226,7 +226,7 @@ def probe_of(preset: SensorPreset | str | float, robot: RobotPreset | str | None
     if isinstance(preset, float):
         values = {"name": f"sd {1e3 * preset:g} mm", "law": NoiseLaw.of(preset), **errors}
         return Probe(**(values | where))  # type: ignore[arg-type]
-    check_kind("preset", preset, (SensorPreset, str), "Name one of tanteo.sensors.sensor_presets().")
+    check_kind("preset", preset, (SensorPreset, str), "Name one of tanteo.sensors.presets.sensor_presets().")
     far = 0.3 if preset.is_contact else preset.max_range
     standoff = min(0.05, far) if preset.is_contact else float(np.clip(0.05, 1.2 * preset.min_range, 0.8 * far))
     standoff = float(where.get("standoff", standoff))  # type: ignore[arg-type]

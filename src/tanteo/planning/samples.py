@@ -8,7 +8,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from tanteo.fitting import pose_information
+from tanteo.fitting.localization import pose_information
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
 from tanteo.planning.places import places_of

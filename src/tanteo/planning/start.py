@@ -12,7 +12,8 @@ from tanteo.factors import PoseFactor
 from tanteo.geometry import SE3, check_covariances, check_transforms
 from tanteo.geometry.limits import check_places, check_spreads
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
-from tanteo.parts import Part, as_part
+from tanteo.parts import Part
+from tanteo.parts.readers import as_part
 from tanteo.posterior import Hypothesis, PoseMixture, PosePrior, PreparedPart, Priors, prepare_all, sized
 
 ORIGIN_SDS = 0.005, float(np.radians(3.0))

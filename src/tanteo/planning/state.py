@@ -13,7 +13,8 @@ import numpy as np
 from tanteo.factors import ContactPoints, FreeRays
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 from tanteo.planning.start import Start
-from tanteo.posterior import Mode, Posterior, PreparedPart, Problem, on_part, posterior_of_factors, update_posterior
+from tanteo.posterior import Mode, Posterior, PreparedPart, Problem, posterior_of_factors, update_posterior
+from tanteo.posterior.update import on_part
 
 _LEAST_P = 1e-12
 """Smallest probability of a mode, so that the best pose is kept even if the object is almost certainly unknown."""
@@ -48,7 +49,7 @@ class SensingState:
         part: index of the part of each mode ``(M,)``.
         weights: probabilities of the modes, which sum to one with ``unknown`` ``(M,)``.
         rows: index of the prior pose with the largest density at each mode ``(M,)``; -1 if the part has none.
-        chances: cache of the probabilities of tolerances, see :func:`tanteo.planning.chance_within`.
+        chances: cache of the probabilities of tolerances, see :func:`tanteo.planning.stopping.chance_within`.
     """
 
     start: Start

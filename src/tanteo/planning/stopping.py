@@ -14,7 +14,7 @@ from tanteo.geometry.typing import FloatArray
 from tanteo.planning.places import Places, check_feature, places_of
 from tanteo.planning.samples import even_normals
 from tanteo.planning.state import SensingState
-from tanteo.posterior import observed_covariance, without_symmetric_rotation
+from tanteo.posterior.answers import observed_covariance, without_symmetric_rotation
 from tanteo.words.findings import GoalReached
 
 _SAMPLES = 2048

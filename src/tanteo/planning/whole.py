@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 
 from tanteo import _core
-from tanteo.features import CIRCLE, CYLINDER, FeatureKind
+from tanteo.features.kinds import CIRCLE, CYLINDER, FeatureKind
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 from tanteo.parts import Part, round_features

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tanteo.catalogue import widths
+from tanteo.catalogue.signatures import widths
 from tanteo.factors import ContactPoints
 from tanteo.geometry.limits import SUSPECT
 from tanteo.geometry.special import log_sum, softmax
@@ -38,7 +38,7 @@ from tanteo.posterior.proposals.plane_votes import cost_margin, on_planes, voted
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
 from tanteo.posterior.settings import POSE_DOF
 
-__all__ = ["Active", "PartSearch", "Unsearched", "missing", "prune", "screen", "start_search"]
+__all__ = ["Active", "PartSearch", "Unsearched", "missing", "prune", "screen", "start_search", "still_active"]
 
 _NONE = float(np.finfo(np.float32).min)
 """Log-evidence of a part of which no maximum was found."""
@@ -286,10 +286,10 @@ def prune(
         second = problem.settings.second_pass
         for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be pruned
             wide = margin / problem.settings.pruning.estimate_weight
-            if len(live) == 1 or search in _still_active(live, log_unknown, wide):
+            if len(live) == 1 or search in still_active(live, log_unknown, wide):
                 search.restart(second)
         _pass_on(live)
-    live = _still_active(live, log_unknown, margin)
+    live = still_active(live, log_unknown, margin)
     points = problem.points
     if points.constrained >= POSE_DOF or 2 * int(points.oriented.sum()) >= POSE_DOF:
         _restart(searches, live, log_unknown)
@@ -352,7 +352,7 @@ def _first_pass(
         one.restart(effort)
     _pass_on(passes)
     margin = problem.settings.search.negligible / problem.settings.pruning.estimate_weight
-    active = {id(one) for one in _still_active(passes, -np.inf, margin)}
+    active = {id(one) for one in still_active(passes, -np.inf, margin)}
     live = []
     for search, one in zip(searches, passes, strict=True):
         if id(one) not in active:
@@ -471,7 +471,7 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
         live = [s for s in live if s.log_evidence > max(log_unknown, best.log_evidence) - own.negligible]
 
 
-def _still_active(searches: Sequence[PartSearch], log_unknown: float, margin: float) -> list[PartSearch]:
+def still_active(searches: Sequence[PartSearch], log_unknown: float, margin: float) -> list[PartSearch]:
     """Return parts within a margin of the leader; at least half of all if the leader does not explain the points.
 
     Many precise points discriminate poses by hundreds of nats: after a first pass the gap of the right part may be

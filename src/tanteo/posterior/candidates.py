@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.catalogue import Catalogue, coarse_field, field_table, signature, tables_of
+from tanteo.catalogue import Catalogue, tables_of
+from tanteo.catalogue.signatures import coarse_field, field_table, signature
 from tanteo.geometry.typing import FloatArray, IntArray, Vectors
 from tanteo.parts import StoredParts, as_parts
 from tanteo.posterior.answers.whole_object import WholeObject

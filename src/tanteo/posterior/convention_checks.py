@@ -15,7 +15,8 @@ import numpy as np
 from tanteo.errors import TanteoError
 from tanteo.geometry import SE3
 from tanteo.geometry.limits import NOTABLE
-from tanteo.parts import Part, mirror_part, part_named
+from tanteo.parts import Part, part_named
+from tanteo.parts.readers import mirror_part
 from tanteo.posterior.answers.priors import STATED
 from tanteo.posterior.answers.results import Answer
 from tanteo.posterior.candidates import Candidates, sizes_of

@@ -10,7 +10,7 @@ import numpy as np
 
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Rotations, Transforms
-from tanteo.parts import METRES
+from tanteo.parts.readers import METRES
 from tanteo.sensors import Column, Readings
 from tanteo.words.findings import (  # fmt: skip
     Convention,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.features import SharedError
-from tanteo.fitting import pose_information
+from tanteo.fitting.localization import pose_information
 from tanteo.geometry.typing import FloatArray
 from tanteo.posterior.answers.part_motions import corner_sd, part_scale, without_symmetry
 from tanteo.posterior.fit_at_mode import GoodnessOfFit

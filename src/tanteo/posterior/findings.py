@@ -16,7 +16,8 @@ import numpy as np
 from tanteo.errors import ReadingsError
 from tanteo.factors import FreeRays
 from tanteo.geometry.typing import Covariances, FloatArray, Vectors
-from tanteo.parts import METRES, Part, part_named
+from tanteo.parts import Part, part_named
+from tanteo.parts.readers import METRES
 from tanteo.posterior.answers.results import Answer
 from tanteo.posterior.candidates import Candidates, sizes_of
 from tanteo.posterior.free_space import gone_through
@@ -24,7 +25,7 @@ from tanteo.posterior.prepared import prepare
 from tanteo.posterior.settings import DEFAULTS, FEWEST, CheckSettings, Settings
 from tanteo.posterior.unknown import LARGER
 from tanteo.sensors import PointMeasurements, Readings, find_repeated, find_stuck
-from tanteo.words import Finding, size_advice
+from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
     DirectionsQuestion,
     FreeSpaceCrossed,
@@ -34,6 +35,7 @@ from tanteo.words.findings import (  # fmt: skip
     TooNarrow,
     UnitsQuestion,
 )
+from tanteo.words.sentences import size_advice
 
 UNITS = {unit: METRES[unit] for unit in ("mm", "m", "um", "in")}
 """Units of columns, and of part files, in metres."""

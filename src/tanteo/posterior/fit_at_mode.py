@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo import _core
-from tanteo.factors import FreeRays, numbered_landmarks
-from tanteo.fitting import pose_information, weak_motions
+from tanteo.factors import FreeRays
+from tanteo.factors.factor import numbered_landmarks
+from tanteo.fitting.localization import pose_information, weak_motions
 from tanteo.geometry.typing import FloatArray, Tangents
 from tanteo.parts import Part
 from tanteo.posterior.answers.misfit import Misfit

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.factors import FreeRays
-from tanteo.fitting import SharedGiven
+from tanteo.fitting.localization import SharedGiven
 from tanteo.geometry import SO3
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 from tanteo.posterior.answers.part_motions import observed_covariance

@@ -114,7 +114,8 @@ def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
     across, along = axes[free:], axes[:free]
     off = (points.points - middle) @ across.T
     if free == 2:
-        off = off - _outward(points, across[0]) * points.radii[:, None]
+        inward = np.sum(points.inward @ across[0]) > 0  # False as well if the side is unknown
+        off = off + (points.radii[:, None] if inward else -points.radii[:, None])
     m = len(across)
     lever = (points.points - middle) @ along.T
     levers = [lever[:, k, None, None] * np.eye(m) for k in range(free)]
@@ -181,8 +182,3 @@ def _log_together(reach: float, n: int, free: int, radius: float) -> float:
         2: (2 / 3 * np.pi * radius**2, np.pi * possible**2),
     }[free]
     return float(log_sum((n - 1) * np.log(anywhere / own)) - np.log(_SIZES))
-
-
-def _outward(points: ContactPoints, normal: Vectors) -> float:
-    """Return 1 if the normal points towards the sensor or the side is unknown, -1 if away."""
-    return -1.0 if float(np.sum(points.inward @ normal)) > 0 else 1.0

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.factors import AxisCentre, ContactPoints
-from tanteo.geometry.typing import FloatArray
+from tanteo.factors import AxisCentre
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.settings import FEWEST
 from tanteo.words import Finding
@@ -39,15 +38,10 @@ def observability_gate(problem: Problem) -> Finding | None:
     if named or points.oriented.any() or np.count_nonzero(points.centres) > 1:
         return None
     along, across = np.linalg.svd(points.points - points.points.mean(axis=0), compute_uv=False)[:2]
-    sd = float(np.median(_along(points)))
+    of_ray = np.sqrt(np.einsum("ni,nij,nj->n", points.directions, points.covs, points.directions))
+    sd = float(np.median(np.where(points.directed, of_ray, points.sd)))
     if across > sd * np.sqrt(len(points)):
         return None
     if along > problem.settings.search.notable_sds * sd * np.sqrt(len(points)):
         return OnOneLine()
     return NoiseTooLarge(sd, points.tolerance > 0)
-
-
-def _along(points: ContactPoints) -> FloatArray:
-    """Return the standard deviation of each point along its direction, if known ``(n,)``."""
-    along = np.sqrt(np.einsum("ni,nij,nj->n", points.directions, points.covs, points.directions))
-    return np.asarray(np.where(points.directed, along, points.sd))

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from tanteo import _core
-from tanteo.catalogue import SAMPLES, SHAPE, cache, compiled_shape, faces_of
+from tanteo.catalogue import SAMPLES, SHAPE, cache, compiled_shape
+from tanteo.catalogue.signatures import faces_of
 from tanteo.geometry.typing import IntArray, Vectors
-from tanteo.parts import DistanceField, Part, Surface, as_parts, distance_field
+from tanteo.parts import Part, Surface, as_parts
+from tanteo.parts.shapes import DistanceField, distance_field
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo import _core
-from tanteo.fitting import pose_information, weak_motions
+from tanteo.fitting.localization import pose_information, weak_motions
 from tanteo.geometry.limits import NOTABLE, SUSPECT
 from tanteo.geometry.special import chi2_survival
 from tanteo.geometry.typing import FloatArray, Transforms

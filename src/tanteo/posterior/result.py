@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.factors import ContactPoints
-from tanteo.fitting import SharedGiven
+from tanteo.fitting.localization import SharedGiven
 from tanteo.geometry import SE3
 from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.typing import Transforms

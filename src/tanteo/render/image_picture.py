@@ -6,7 +6,11 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms
-from tanteo.vision import EVIDENCE, Camera, Sight, Sighting, check_image, map_edges, meet, opencv, project
+from tanteo.vision import Camera, Sight, Sighting
+from tanteo.vision.camera import opencv, project
+from tanteo.vision.edges import check_image, map_edges
+from tanteo.vision.fit import meet
+from tanteo.vision.settings import EVIDENCE
 
 FOUND, MISSED, OUTLINE = (86, 200, 255), (255, 140, 0), (125, 18, 217)
 """Colours of the part's edges found and not found in the image, and of the objects' outlines

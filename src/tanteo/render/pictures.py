@@ -10,10 +10,10 @@ import numpy as np
 from tanteo.errors import InputError, MissingExtraError
 from tanteo.geometry.typing import FloatArray
 from tanteo.replaced import replaced
-from tanteo.sensors import SensorPreset
+from tanteo.sensors.presets import SensorPreset
 
 if TYPE_CHECKING:
-    from tanteo.sensors import Calibration
+    from tanteo.sensors.calibration import Calibration
 
 _SUFFIXES = (".png", ".svg", ".pdf")
 _INK, _RED, _GREY = "#22303c", "#b84800", "#5c6873"

@@ -1,11 +1,7 @@
-from .estimators import Estimator as Estimator
-from .estimators import JointEstimator as JointEstimator
-from .estimators import SessionEstimator as SessionEstimator
+from . import estimators as estimators
+from . import latency as latency
+from . import network as network
 from .intake import Intake as Intake
 from .intake import Patience as Patience
-from .latency import STEP as STEP
-from .latency import estimate_latency as estimate_latency
-from .network import Settings as Settings
-from .network import opened as opened
 from .node import RosNode as RosNode
 from .types import filled as filled

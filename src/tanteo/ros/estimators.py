@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from tanteo.parts import Part
-from tanteo.planning import Action, Done, Probe, Sensing, Session, Stop, from_hypotheses
+from tanteo.planning import Action, Done, Probe, Sensing, Session, Stop
+from tanteo.planning.start import from_hypotheses
 from tanteo.posterior import Answer, Priors
 from tanteo.recognition import identify
 from tanteo.sensors import Readings, concatenate

@@ -43,7 +43,7 @@ class Waiting(NamedTuple):
     """Reading that waits for its frame: topic, row and time of arrival [s]."""
 
     topic: str
-    row: io.Row
+    row: io.documents.Row
     came: float
 
 
@@ -63,14 +63,14 @@ class Intake:
     """
 
     options: io.RosOptions
-    stated: io.Stated
+    stated: io.readings.Stated
     patience: Patience = field(default_factory=Patience)
     dropped: Counter[str] = field(default_factory=Counter)
     notes: list[str] = field(default_factory=list)
     taken: int = 0
     world: str = ""
     latest: float = np.nan
-    _messages: io.RosMessages = field(default_factory=io.RosMessages)
+    _messages: io.documents.RosMessages = field(default_factory=io.documents.RosMessages)
     _waiting: list[Waiting] = field(default_factory=list)
     _last: dict[str, float] = field(default_factory=dict)
     _world_announced: bool = field(init=False)
@@ -91,12 +91,12 @@ class Intake:
             ReadingsError: The chosen topics have both ranges and points.
         """
         self._messages.kinds[topic] = kind
-        kinds = {kind for kind in self._messages.kinds.values() if kind in (io.RANGE, io.POINT)}
+        kinds = {kind for kind in self._messages.kinds.values() if kind in (io.documents.RANGE, io.documents.POINT)}
         if len(kinds) > 1 and self.options.topics:
             raise ReadingsError(
                 f"{_SOURCE}, --topic: expected topics of one type, got ranges and points. Name topics of one type."
             )
-        if kind in (io.RANGE, io.POINT) and not self.options.topics:
+        if kind in (io.documents.RANGE, io.documents.POINT) and not self.options.topics:
             self.notify(f"Readings come from {topic}. Choose other topics with --topic.")
         if len(kinds) > 1:
             self.notify("Both ranges and points arrive. The ranges are used. Choose other topics with --topic.")
@@ -111,7 +111,7 @@ class Intake:
         """
         messages = self._messages
         messages.take(topic, now, message)
-        if messages.kinds[topic] not in (io.RANGE, io.POINT):
+        if messages.kinds[topic] not in (io.documents.RANGE, io.documents.POINT):
             if messages.overlaps:
                 self._set_back()
             return
@@ -134,9 +134,9 @@ class Intake:
     def _admit(self, one: Waiting) -> None:
         stamp, kinds = one.row.stamp, self._messages.kinds
         self._begun = float(np.fmin(self._begun, one.came))  # a simulated clock may be set back
-        if kinds[one.topic] != io.RANGE and io.RANGE in kinds.values():
+        if kinds[one.topic] != io.documents.RANGE and io.documents.RANGE in kinds.values():
             self.dropped["type other than ranges"] += 1
-        elif not io.is_usable(kinds[one.topic], one.row):
+        elif not io.documents.is_usable(kinds[one.topic], one.row):
             self.dropped["below the smallest range, or not a number"] += 1
         elif one.came - stamp > self.patience.age:
             self.dropped["older than --max-age on arrival"] += 1
@@ -184,7 +184,7 @@ class Intake:
                 known[k] = is_known
         return known
 
-    def _recent(self, rows: list[Waiting]) -> io.RosMessages:
+    def _recent(self, rows: list[Waiting]) -> io.documents.RosMessages:
         """Return the messages that the rows need."""
         return self._messages.since(min(one.row.stamp for one in rows) - self.options.latency - _MARGIN)
 
@@ -194,10 +194,10 @@ class Intake:
             self._forgotten = now
             self._messages = self._messages.since(now - _HISTORY - self.options.latency)
 
-    def _of_frame(self, messages: io.RosMessages, tree: Any, rows: list[Waiting], now: float) -> list[bool]:
-        beams = io.RANGE in messages.kinds.values()
+    def _of_frame(self, messages: io.documents.RosMessages, tree: Any, rows: list[Waiting], now: float) -> list[bool]:
+        beams = io.documents.RANGE in messages.kinds.values()
         try:
-            place = io.placing(messages, tree, [one.row for one in rows], beams, _SOURCE, self.options)
+            place = io.readings.placing(messages, tree, [one.row for one in rows], beams, _SOURCE, self.options)
         except ReadingsError as error:
             if now - rows[0].came > self.patience.transform:
                 self.notify(str(error))
@@ -215,14 +215,14 @@ class Intake:
         return place.known.tolist()
 
     def _readings(self, ready: list[Waiting]) -> Readings:
-        of_topic: dict[str, list[io.Row]] = {}
+        of_topic: dict[str, list[io.documents.Row]] = {}
         for one in ready:
             of_topic.setdefault(one.topic, []).append(one.row)
         heard = self._recent(ready)
-        poses = {topic: rows for topic, rows in heard.rows.items() if heard.kinds[topic] == io.POSE}
-        batch = io.RosMessages(heard.samples, heard.static, poses | of_topic, heard.kinds)
+        poses = {topic: rows for topic, rows in heard.rows.items() if heard.kinds[topic] == io.documents.POSE}
+        batch = io.documents.RosMessages(heard.samples, heard.static, poses | of_topic, heard.kinds)
         topics = replace(self.options, topics=())
-        readings = io.readings_of_messages(batch, _SOURCE, self.stated, topics)
+        readings = io.readings.readings_of_messages(batch, _SOURCE, self.stated, topics)
         self.latest = max(one.row.stamp for one in ready)
         first = self.taken + 1
         self.taken += len(readings)

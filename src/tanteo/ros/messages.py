@@ -47,7 +47,7 @@ def next_pose(action: Action | Done, stamp: int, frame: str) -> dict[str, Any]:
     """
     assert isinstance(action, Action)
     T = SE3.from_parts(SO3.frame_from_axis(action.direction, 0), action.origin)
-    return {"header": io.ros_header(stamp, frame), "pose": io.pose(T)}
+    return {"header": io.documents.ros_header(stamp, frame), "pose": io.documents.pose(T)}
 
 
 def state_message(
@@ -67,10 +67,10 @@ def state_message(
     if delays:
         values["stamp to answer, median [ms]"] = f"{1e3 * float(np.median(delays)):.1f}"
     if answer is None:
-        return io.diagnostics_message(io.WARN, "No usable reading has arrived.", values, stamp)
+        return io.documents.diagnostics_message(io.documents.WARN, "No usable reading has arrived.", values, stamp)
     values |= {f"probability {h.part}, {k + 1}": f"{h.probability:.4f}" for k, h in enumerate(answer.hypotheses)}
     values["probability unknown object"] = f"{answer.unknown_probability:.4f}"
     if answer.best is not None:
         values["largest corner sd [mm]"] = f"{1e3 * answer.best.corner_sd:.3f}"
-    level = io.OK if answer.status == "recognized" else io.WARN
-    return io.diagnostics_message(level, f"{answer.status}: {answer.message}", values, stamp)
+    level = io.documents.OK if answer.status == "recognized" else io.documents.WARN
+    return io.documents.diagnostics_message(level, f"{answer.status}: {answer.message}", values, stamp)

@@ -99,8 +99,8 @@ class RosNode:
 
         kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for topic, kind, profile in (
-            ("~/pose", io.POSE_COVARIANCE, kept), ("~/hypotheses", io.MARKERS, kept),
-            ("~/next_reading", io.POSE, kept), ("/diagnostics", io.DIAGNOSTICS, 10),
+            ("~/pose", io.documents.POSE_COVARIANCE, kept), ("~/hypotheses", io.documents.MARKERS, kept),
+            ("~/next_reading", io.documents.POSE, kept), ("/diagnostics", io.documents.DIAGNOSTICS, 10),
         ):  # fmt: skip
             self._out[topic] = self.node.create_publisher(type_named(kind), topic, profile), kind
         try:
@@ -115,7 +115,7 @@ class RosNode:
         """Subscribe to new relevant topics."""
         own, topics = f"/{self.settings.name}/", self.node.get_topic_names_and_types()
         there = {topic: kinds[0] for topic, kinds in topics if not topic.startswith(own)}
-        for topic, kind in io.wanted_topics(there, self.intake.options).items():
+        for topic, kind in io.documents.wanted_topics(there, self.intake.options).items():
             if topic not in self._subscribed:
                 self._subscribed[topic] = None
                 self._subscribe(topic, kind)
@@ -208,11 +208,11 @@ class RosNode:
     def _publish(self, answer: Answer, stamp: int) -> None:
         world, readings = self.intake.world, self.estimator.readings()
         if answer.status == "recognized" and answer.best is not None:
-            pose = io.pose_message(answer.best.T_world_part, answer.best.covariance, stamp, world)
+            pose = io.documents.pose_message(answer.best.T_world_part, answer.best.covariance, stamp, world)
             self._send("~/pose", pose)
-        placed = [io.Placed(self.parts[h.part], h.T_world_part, h.probability) for h in answer.hypotheses]
+        placed = [io.documents.Placed(self.parts[h.part], h.T_world_part, h.probability) for h in answer.hypotheses]
         points = None if readings is None else readings.points.values
-        self._send("~/hypotheses", io.marker_message(placed, points, stamp, world))
+        self._send("~/hypotheses", io.documents.marker_message(placed, points, stamp, world))
         self.on_answer(answer)
         if self.settings.once and answer.status == "recognized":
             self.ended.set()

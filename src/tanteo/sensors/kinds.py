@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from tanteo.errors import ReadingsError
-from tanteo.features import CIRCLE, CONE, CYLINDER, KINDS, PLANE, SPHERE, FeatureKind
+from tanteo.features.kinds import CIRCLE, CONE, CYLINDER, KINDS, PLANE, SPHERE, FeatureKind
 
 SIZES = {"radius": "hole_radii", "half angle": "half_angles"}
 """Column of readings that has the size of a round feature, by the name of that size."""

@@ -157,9 +157,9 @@ def _checked(
     if rig is not None:
         check_kind("rig", rig, Rig, "Read its file first: tanteo.io.read_rig(path).")
     if sensor is not None:
-        check_kind("sensor", sensor, (SensorPreset, str), "Name one of tanteo.sensors.sensor_presets().")
+        check_kind("sensor", sensor, (SensorPreset, str), "Name one of tanteo.sensors.presets.sensor_presets().")
     if robot is not None:
-        check_kind("robot", robot, (RobotPreset, str), "Name one of tanteo.sensors.robot_presets().")
+        check_kind("robot", robot, (RobotPreset, str), "Name one of tanteo.sensors.presets.robot_presets().")
     return (
         sensor_preset(sensor) if isinstance(sensor, str) else sensor,
         robot_preset(robot) if isinstance(robot, str) else robot,

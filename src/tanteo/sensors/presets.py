@@ -218,7 +218,7 @@ def sensor_preset(name: str) -> SensorPreset:
         InputError: there is no such preset; the message lists the nearest names.
 
     Example:
-        >>> preset = tanteo.sensor_preset("keyence_il300")
+        >>> preset = tanteo.sensors.presets.sensor_preset("keyence_il300")
         >>> preset.name
         'keyence_il300'
     """
@@ -235,7 +235,7 @@ def robot_preset(name: str) -> RobotPreset:
         InputError: there is no such preset; the message lists the nearest names.
 
     Example:
-        >>> tanteo.robot_preset("calibrated_small").name
+        >>> tanteo.sensors.presets.robot_preset("calibrated_small").name
         'calibrated_small'
     """
     return _preset_named("robot", name, robot_presets())

@@ -10,23 +10,14 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.parts import Surface
-from tanteo.posterior import (
-    DEFAULTS,
-    Answer,
-    Hypothesis,
-    Misfit,
-    Mode,
-    Status,
-    goodness_of_fit,
-    hypothesis_at,
-    mode_covariances,
-    verdict,
-)
+from tanteo.posterior import DEFAULTS, Answer, Hypothesis, Misfit, Mode, Status, mode_covariances, verdict
+from tanteo.posterior.answers import hypothesis_at
+from tanteo.posterior.fit_at_mode import goodness_of_fit
 from tanteo.vision.image_edges import ImageEdges, standing
 from tanteo.vision.models import VisionModel
 from tanteo.vision.posterior import ImagePosterior
 from tanteo.vision.settings import EVIDENCE
-from tanteo.words import Finding, touch_words
+from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
     DecidingTouch,
     EdgesFitBadly,
@@ -35,6 +26,7 @@ from tanteo.words.findings import (  # fmt: skip
     SimilarOutlines,
     UnknownInImage,
 )
+from tanteo.words.sentences import touch_words
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -42,7 +42,7 @@ USUAL_EDGE_SD = EDGES.lens
 """Standard deviation of the displacement of whole edges after a usual calibration [px]."""
 
 DISTORTION_COUNTS = (0, 4, 5, 8)
-"""Definition: numbers of distortion coefficients that a model has: k1 k2 p1 p2, then k3, then k4 k5 k6."""
+"""Definition: a distortion model has k1 k2 p1 p2, then k3, then k4 k5 k6."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -109,7 +109,7 @@ def _first_poses(
             reaches=SEARCH.first_reaches,
         )
         score = image.sums(model, T, coarse=True).there + _log_priors(model, proposal.rests)
-        out.append((T, proposal.rests, np.where(_distinct(model, T, score), score, -np.inf)))
+        out.append((T, proposal.rests, np.where(distinct(model, T, score), score, -np.inf)))
     return out
 
 
@@ -128,14 +128,14 @@ def _with_beside(
     keep = np.flatnonzero((c.log > best - DEFAULTS.search.drop_gap) | (c.log == c.log.max()))
     Ts, rests = [c.T_camera_part[keep]], [c.rests[keep]]
     for k in np.flatnonzero(c.log > best - SEARCH.likely):
-        near = _poses_beside(c.model, int(c.rests[k]), image, T_camera_table, c.T_camera_part[k], table)
+        near = poses_beside(c.model, int(c.rests[k]), image, T_camera_table, c.T_camera_part[k], table)
         Ts.append(near)
         rests.append(np.full(len(near), c.rests[k]))
     T, rest = np.concatenate(Ts), np.concatenate(rests)
     return PoseCandidates(c.model, T, rest, image.sums(c.model, T).there + _log_priors(c.model, rest))
 
 
-def _poses_beside(
+def poses_beside(
     model: VisionModel,
     rest: int,
     image: ImageEdges,
@@ -154,7 +154,7 @@ def _poses_beside(
     return np.asarray(Ts[_core.far_apart(points, np.arange(len(Ts)), slack)])
 
 
-def _distinct(model: VisionModel, Ts: Transforms, scores: FloatArray) -> BoolArray:
+def distinct(model: VisionModel, Ts: Transforms, scores: FloatArray) -> BoolArray:
     """Return which poses ``(B,)`` are not equal to a better one; symmetries are not considered."""
     points = in_camera(Ts, model.inner)
     kept = _core.far_apart(points, np.argsort(-scores, kind="stable"), EVIDENCE.same_pose * model.part.diagonal)

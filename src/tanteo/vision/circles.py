@@ -54,8 +54,8 @@ def circle_poses(camera: Camera, ellipse: Ellipse, radius: float, radius_sd: flo
     Example:
         >>> camera = tanteo.read_camera("images/camera.yaml")
         >>> aslant = tanteo.geometry.SE3.exp(np.array([0, 0, 0.3, 2.5, 0, 0]))
-        >>> ellipse = tanteo.vision.project_circle(camera, aslant, 5e-3)
-        >>> first, second = tanteo.vision.circle_poses(camera, ellipse, 5e-3)
+        >>> ellipse = tanteo.vision.circles.project_circle(camera, aslant, 5e-3)
+        >>> first, second = tanteo.vision.circles.circle_poses(camera, ellipse, 5e-3)
         >>> len({tuple(np.round(pose.T_camera_circle[:3, 2], 3)) for pose in (first, second)})  # two axes
         2
     """
@@ -91,7 +91,7 @@ def project_circle(camera: Camera, T_camera_circle: Transforms, radius: float) -
     Example:
         >>> camera = tanteo.read_camera("images/camera.yaml")
         >>> ahead = tanteo.geometry.SE3.from_parts(np.eye(3), np.array([0, 0, 0.5]))
-        >>> ellipse = tanteo.vision.project_circle(camera, ahead, 5e-3)
+        >>> ellipse = tanteo.vision.circles.project_circle(camera, ahead, 5e-3)
         >>> np.allclose(ellipse.semi_axes, 5e-3 / 0.5 * camera.focal[::-1])
         True
     """

@@ -66,7 +66,7 @@ def describe(outline: FloatArray, normals: FloatArray, sds: FloatArray, bias: fl
         InputError: fewer than three corners, or no area.
     """
     values = descriptor_values(outline)
-    J = _gradient(outline)
+    J = gradient(outline)
     along = np.einsum("knc,nc->kn", J, normals)
     covariance = (along * np.asarray(sds) ** 2) @ along.T + bias**2 * np.outer(along.sum(axis=1), along.sum(axis=1))
     return Descriptors(values, covariance)
@@ -142,7 +142,7 @@ def _hu(mu: dict[tuple[int, int], FloatArray]) -> list[FloatArray]:
     ]
 
 
-def _gradient(outline: FloatArray) -> FloatArray:
+def gradient(outline: FloatArray) -> FloatArray:
     """Return the derivatives by every coordinate ``(13, n, 2)``, by the chain rule over the sums of sides."""
     points = np.asarray(outline, dtype=np.float64)
     start = points - points.mean(axis=0)

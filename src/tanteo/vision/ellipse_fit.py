@@ -98,7 +98,7 @@ def fit_ellipse(
     Example:
         >>> t = np.radians(np.arange(0, 200, 5.0))
         >>> points = np.stack([300 + 40 * np.cos(t), 200 + 25 * np.sin(t)], axis=1)
-        >>> ellipse = tanteo.vision.fit_ellipse(points, np.full(len(t), 0.05))
+        >>> ellipse = tanteo.vision.ellipse_fit.fit_ellipse(points, np.full(len(t), 0.05))
         >>> np.round(ellipse.semi_axes, 6), round(np.degrees(ellipse.arc))
         (array([40., 25.]), 195)
     """
@@ -116,16 +116,13 @@ def fit_ellipse(
     J = _derivatives(t, normals)
     off = _offsets(pixels, x, t, normals)
     chi2, dof = float(weights @ off**2), max(float(len(pixels) * share - 5), 1.0)
-    covariance = _inverse((J.T * weights) @ J) * _excess(chi2, dof)
+    covariance = _inverse((J.T * weights) @ J)
+    if chi2 > dof + 3 * np.sqrt(2 * dof):  # the points scatter significantly more than stated
+        covariance *= chi2 / dof
     covariance[2:4, 2:4] += common**2
     ellipse = Ellipse(x[:2], _matrix(x), covariance, chi2, dof, _arc(t), len(pixels))
     _refuse_loose(ellipse)
     return ellipse
-
-
-def _excess(chi2: float, dof: float) -> float:
-    """Return the factor of the covariance for points that scatter significantly more than stated."""
-    return chi2 / dof if chi2 > dof + 3 * np.sqrt(2 * dof) else 1.0
 
 
 def offsets_from(ellipse: Ellipse, pixels: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, EDGE, PLANE, Feature, Round, Sides
+from tanteo.features import Feature, Round, Sides
+from tanteo.features.kinds import CIRCLE, EDGE, PLANE
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.vision.camera import Camera
@@ -107,7 +108,7 @@ def image_circle(
         >>> camera = tanteo.read_camera("images/camera.yaml")
         >>> points = tanteo.vision.find_edges(tanteo.read_image("images/three_parts.png"))
         >>> ellipse = tanteo.vision.find_ellipses(camera, points).found[0]
-        >>> first, second = tanteo.vision.image_circle(camera, ellipse, 5e-3, T_world_camera=np.eye(4))
+        >>> first, second = tanteo.vision.features.image_circle(camera, ellipse, 5e-3, T_world_camera=np.eye(4))
         >>> first.kind.name, first.radius
         ('circle', 0.005)
     """
@@ -151,7 +152,7 @@ def image_centre(
         >>> camera = tanteo.read_camera("images/camera.yaml")
         >>> points = tanteo.vision.find_edges(tanteo.read_image("images/three_parts.png"))
         >>> ellipse = tanteo.vision.find_ellipses(camera, points).found[0]
-        >>> tanteo.vision.image_centre(camera, ellipse, T_world_camera=np.eye(4)).kind.name
+        >>> tanteo.vision.features.image_centre(camera, ellipse, T_world_camera=np.eye(4)).kind.name
         'edge'
     """
     T = standing(camera, T_world_camera)

@@ -94,7 +94,10 @@ class ImageEdges(PoseFactor):
 
     def __post_init__(self) -> None:
         points, camera = self.edges.points, self.camera
-        root = np.zeros((0, 6)) if camera.covariance is None else _root(camera.covariance)
+        root = np.zeros((0, 6))  # root root' is the covariance of the camera's pose, which may be singular
+        if camera.covariance is not None:
+            values, vectors = np.linalg.eigh(camera.covariance)
+            root = np.ascontiguousarray(vectors * np.sqrt(values.clip(0.0)))
         # half of the variance of the lens shifts all edges together, half is in the edge itself (decision 43)
         shift = float(np.sqrt(0.5) * camera.edge_sd)
         # half of the variance of what misplaces a point is common to its edge, half is its own (decision 32)
@@ -181,12 +184,6 @@ class Sums:
 def standing(camera: Camera) -> Transforms:
     """Return the pose of a camera in the world, which is the frame of the camera if its pose is unknown."""
     return np.eye(4) if camera.T_world_camera is None else camera.T_world_camera
-
-
-def _root(covariance: FloatArray) -> FloatArray:
-    """Return S with S S' = covariance, which may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.ascontiguousarray(vectors * np.sqrt(values.clip(0.0)))
 
 
 def chance_hits(points: EdgePoints, used: BoolArray) -> float:

@@ -15,7 +15,8 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
-from tanteo.posterior import DEFAULTS, MISLEADING, SeenOutline
+from tanteo.posterior import DEFAULTS, SeenOutline
+from tanteo.posterior.answers import MISLEADING
 from tanteo.vision.camera import Camera, on_plane, opencv, project
 from tanteo.vision.edges import EdgePoints, find_edges
 from tanteo.vision.image_edges import standing

@@ -9,7 +9,8 @@ import numpy as np
 
 from tanteo.geometry import SE3, SO3, maximize
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
-from tanteo.parts import Part, near_groups
+from tanteo.parts import Part
+from tanteo.parts.readers import near_groups
 from tanteo.vision.camera import Camera
 from tanteo.vision.segments import Corners, Segments
 from tanteo.vision.settings import EVIDENCE, NEWTON_STEPS, SEARCH

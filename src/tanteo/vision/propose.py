@@ -50,11 +50,6 @@ def _margin(shape: tuple[int, ...]) -> int:
     return min(shape) // EDGES.cell
 
 
-def _coarse(mask: BoolArray) -> BoolArray:
-    """Return a mask on the same grid, false beyond the image."""
-    return np.pad(mask[:: EDGES.cell, :: EDGES.cell], _margin(mask.shape))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Slides:
     """Possible places of the centre of a part in a region: a grid over its pixels.
@@ -84,7 +79,8 @@ def slides(region: Region, camera: Camera) -> Slides:
     on = region.mask[y, x]
     pixels = np.stack([x[on], y[on]], axis=-1).astype(np.float64)
     middle = int(np.argmin(np.linalg.norm(pixels - region.centre, axis=1))) if len(pixels) else 0
-    return Slides(pixels, rays(camera, pixels), middle, _coarse(bare_table(region.mask)))
+    bare = np.pad(bare_table(region.mask)[:: EDGES.cell, :: EDGES.cell], _margin(region.mask.shape))
+    return Slides(pixels, rays(camera, pixels), middle, bare)
 
 
 def propose(

@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo import _core
-from tanteo.fitting import motion_scale
+from tanteo.fitting.localization import motion_scale
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
-from tanteo.parts import Part, Rim, Surface, mesh_edges, round_features
+from tanteo.parts import Part, Rim, Surface, round_features
+from tanteo.parts.readers import mesh_edges
 from tanteo.vision.settings import SEARCH
 
 _EXACT = 1e-4

@@ -1,15 +1,10 @@
+from . import findings as findings
+from . import sentences as sentences
 from .figures import from_surface as from_surface
 from .figures import p_equals as p_equals
 from .figures import percent as percent
 from .findings import Finding as Finding
-from .findings import Role as Role
 from .motions import Motion as Motion
-from .sentences import HANDED as HANDED
 from .sentences import details_of as details_of
 from .sentences import headline_of as headline_of
 from .sentences import message_of as message_of
-from .sentences import sentence as sentence
-from .sentences import size_advice as size_advice
-from .sentences.calibrations import parameter_words as parameter_words
-from .sentences.hand import acquisition_message as acquisition_message
-from .sentences.images import touch_words as touch_words

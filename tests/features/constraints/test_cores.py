@@ -10,17 +10,18 @@ from scipy.stats import multivariate_normal
 
 import tanteo.features as cs
 from tanteo.errors import DegenerateError, InputError
-from tanteo.features import EDGE, PLANE, VERTEX, reframe
+from tanteo.features.kinds import EDGE, PLANE, VERTEX
+from tanteo.features.reframing import reframe
 from tanteo.geometry import SE3, SO3
 
 SCALARS = {
     "angle_edges": (cs.angle_edges, EDGE, EDGE),
     "angle_planes": (cs.angle_planes, PLANE, PLANE),
-    "angle_edge_plane": (cs.angle_edge_plane, PLANE, EDGE),
+    "angle_edge_plane": (cs.constraints.angle.angle_edge_plane, PLANE, EDGE),
     "intersect": (cs.intersect, EDGE, EDGE),
     "gap_edges": (cs.gap_edges, EDGE, EDGE),
-    "point_plane_distance": (cs.point_plane_distance, PLANE, VERTEX),
-    "point_edge_distance": (cs.point_edge_distance, EDGE, VERTEX),
+    "point_plane_distance": (cs.constraints.point.point_plane_distance, PLANE, VERTEX),
+    "point_edge_distance": (cs.constraints.point.point_edge_distance, EDGE, VERTEX),
 }
 VECTORS = {
     "coplanarity": (cs.coplanarity, PLANE, EDGE),
@@ -161,11 +162,11 @@ def test_coincident_features_are_refused_where_undefined():
     with pytest.raises(DegenerateError, match="coincident"):
         cs.parallel_edges(np.eye(4), C, SE3.from_parts(np.eye(3), np.array([0.3, 0, 0])), C)
     with pytest.raises(DegenerateError, match="coincident"):
-        cs.point_distance(np.ones(3), np.ones(3), np.eye(3))
+        cs.constraints.point.point_distance(np.ones(3), np.ones(3), np.eye(3))
     with pytest.raises(DegenerateError, match="on it"):
-        cs.point_edge_distance(np.eye(4), C, SE3.from_parts(np.eye(3), np.array([0.3, 0, 0])), C)
+        cs.constraints.point.point_edge_distance(np.eye(4), C, SE3.from_parts(np.eye(3), np.array([0.3, 0, 0])), C)
     with pytest.raises(DegenerateError, match="normal to the plane"):
-        cs.angle_edge_plane(np.eye(4), C, SE3.from_parts(np.eye(3)[[1, 2, 0]], np.zeros(3)), C)
+        cs.constraints.angle.angle_edge_plane(np.eye(4), C, SE3.from_parts(np.eye(3)[[1, 2, 0]], np.zeros(3)), C)
     value = cs.collinearity(np.eye(4), C, SE3.from_parts(np.eye(3), np.array([0.3, 0, 0])), C).value
     np.testing.assert_array_equal(value, 0)
 
@@ -182,11 +183,11 @@ def test_right_angles_along_z_are_ordinary_pairs():
 
 def test_mirror_images_have_other_signed_angles_only():
     u, v, n = np.eye(3)
-    assert cs.signed_angle(u, v, n) == pytest.approx(np.pi / 2)
+    assert cs.constraints.angle.signed_angle(u, v, n) == pytest.approx(np.pi / 2)
     mirror = np.diag([1.0, -1.0, 1.0])
-    assert cs.signed_angle(mirror @ u, mirror @ v, n) == pytest.approx(-np.pi / 2)
-    assert cs.away_from_corner(u, np.array([0.1, 0, 0]), np.zeros(3))
-    assert not cs.away_from_corner(-u, np.array([0.1, 0, 0]), np.zeros(3))
+    assert cs.constraints.angle.signed_angle(mirror @ u, mirror @ v, n) == pytest.approx(-np.pi / 2)
+    assert cs.constraints.angle.away_from_corner(u, np.array([0.1, 0, 0]), np.zeros(3))
+    assert not cs.constraints.angle.away_from_corner(-u, np.array([0.1, 0, 0]), np.zeros(3))
 
 
 def test_gate_of_many_model_values_and_of_vectors():
@@ -226,7 +227,7 @@ def test_joint_test_is_free_of_units_and_of_the_pose():
     first = cs.joint_test(f[:7], H[:7], S[:7, :7])
     alone = np.zeros((9, 9))
     alone[:7, :7], alone[7:, 7:] = S[:7, :7], S[7:, 7:]
-    both = cs.joint_update(first, f[7:], H[7:], S[7:, 7:])
+    both = cs.constraints.joint.joint_update(first, f[7:], H[7:], S[7:, 7:])
     whole = cs.joint_test(f, H, alone)
     np.testing.assert_allclose([both.D2, *both.xi], [whole.D2, *whole.xi], rtol=1e-7)
     assert (both.dof, both.p_value) == (whole.dof, pytest.approx(whole.p_value))
@@ -242,7 +243,7 @@ def test_the_evidence_is_the_integral_over_the_pose():
     A = rng.normal(size=(5, 5))
     S = A @ A.T
     found = cs.joint_test(f, H, S)
-    got = cs.laplace_log_evidence(
+    got = cs.constraints.joint.laplace_log_evidence(
         found.D2, np.linalg.slogdet(S)[1], 5, found.information, -np.log(2 * np.pi) - 2 * np.log(wide)
     )
     exact = multivariate_normal(np.zeros(5), S + wide**2 * H @ H.T).logpdf(f)

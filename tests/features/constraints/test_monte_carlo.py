@@ -7,18 +7,18 @@ import pytest
 from scipy import special
 
 import tanteo.features as cs
-from tanteo.features import EDGE, PLANE, VERTEX
+from tanteo.features.kinds import EDGE, PLANE, VERTEX
 from tanteo.geometry import SE3, SO3
 
 N = 20_000
 FREE_PAIRS = {
     "angle_edges": (cs.angle_edges, EDGE, EDGE),
     "angle_planes": (cs.angle_planes, PLANE, PLANE),
-    "angle_edge_plane": (cs.angle_edge_plane, PLANE, EDGE),
+    "angle_edge_plane": (cs.constraints.angle.angle_edge_plane, PLANE, EDGE),
     "intersect": (cs.intersect, EDGE, EDGE),
     "gap_edges": (cs.gap_edges, EDGE, EDGE),
-    "point_plane_distance": (cs.point_plane_distance, PLANE, VERTEX),
-    "point_edge_distance": (cs.point_edge_distance, EDGE, VERTEX),
+    "point_plane_distance": (cs.constraints.point.point_plane_distance, PLANE, VERTEX),
+    "point_edge_distance": (cs.constraints.point.point_edge_distance, EDGE, VERTEX),
 }
 
 
@@ -80,7 +80,7 @@ CONDITIONS = {
 
 
 def tilt(found):
-    return cs.VectorEstimate(found.tilt, found.tilt_covariance, found.joint.g1, found.joint.g2)
+    return cs.constraints.VectorEstimate(found.tilt, found.tilt_covariance, found.joint.g1, found.joint.g2)
 
 
 @pytest.mark.parametrize("correlated", [False, True])
@@ -154,16 +154,16 @@ def test_second_order_biases(turn):
     n = 200_000
     z1, z2 = rng.normal(size=(2, n, 4))
     value = cs.angle_edges(draw(T1, sd, EDGE, z1), C, draw(T2, sd, EDGE, z2), C).value
-    predicted = cs.angle_bias(cs.relative(T1, T2), 0, (C, C, None))
+    predicted = cs.constraints.angle.angle_bias(cs.relative(T1, T2), 0, (C, C, None))
     assert np.mean(value) - turn == pytest.approx(predicted, rel=0.1)
     # errors that both edges have in common, as of one robot: those of the second are 0.8 of the first's, and its own
     C12 = 0.8 * C
     common = 0.8 * z1 + 0.6 * z2
     value = cs.angle_edges(draw(T1, sd, EDGE, z1), C, draw(T2, sd, EDGE, common), C, C12).value
-    predicted = cs.angle_bias(cs.relative(T1, T2), 0, (C, C, C12))
+    predicted = cs.constraints.angle.angle_bias(cs.relative(T1, T2), 0, (C, C, C12))
     assert np.mean(value) - turn == pytest.approx(predicted, rel=0.1)
     p = rng.normal(size=(n, 3)) * 0.1 + [1.0, 0, 0]
-    found = cs.point_distance(np.zeros(3), np.array([1.0, 0, 0]), 0.01 * np.eye(3))
+    found = cs.constraints.point.point_distance(np.zeros(3), np.array([1.0, 0, 0]), 0.01 * np.eye(3))
     assert np.mean(np.linalg.norm(p, axis=1)) - 1 == pytest.approx(found.bias, rel=0.1)
 
 

@@ -9,19 +9,9 @@ import pytest
 
 import tanteo.features as cs
 from tanteo.errors import InputError
-from tanteo.features import (
-    CIRCLE,
-    EDGE,
-    PLANE,
-    VERTEX,
-    Feature,
-    SharedError,
-    SharedTerm,
-    cross_covariance,
-    feature_covariance,
-    flip_edge,
-    reframe_feature,
-)
+from tanteo.features import Feature, SharedError, SharedTerm, cross_covariance, feature_covariance
+from tanteo.features.kinds import CIRCLE, EDGE, PLANE, VERTEX
+from tanteo.features.reframing import flip_edge, reframe_feature
 from tanteo.geometry import SE3, SO3
 
 KINDS = (PLANE, EDGE, VERTEX, EDGE, PLANE, VERTEX)
@@ -42,8 +32,8 @@ def features(rng, kinds=KINDS, shared=True, scale=1e-4):
 CORES = {
     "plane_angle": cs.angle_planes,
     "edge_gap": cs.gap_edges,
-    "point_plane_height": cs.point_plane_distance,
-    "point_edge_distance": cs.point_edge_distance,
+    "point_plane_height": cs.constraints.point.point_plane_distance,
+    "point_edge_distance": cs.constraints.point.point_edge_distance,
     "edge_plane_coplanarity": cs.coplanarity,
 }
 
@@ -64,7 +54,7 @@ def test_the_table_has_the_values_of_the_cores(shared):
             np.testing.assert_allclose(found.value, np.atleast_1d(core.value), rtol=1e-9, atol=1e-14)
             if name == "plane_angle":
                 pair_frames = cs.relative(pair[0], pair[2])
-                bias = cs.angle_bias(pair_frames, 2, (pair[1], pair[3], cross))
+                bias = cs.constraints.angle.angle_bias(pair_frames, 2, (pair[1], pair[3], cross))
                 np.testing.assert_allclose(found.bias, [bias], rtol=1e-7)
             variance = core.covariance if hasattr(core, "covariance") else core.variance
             np.testing.assert_allclose(found.covariance, np.reshape(variance, (found.dof, -1)), rtol=1e-7)
@@ -72,14 +62,16 @@ def test_the_table_has_the_values_of_the_cores(shared):
             core = cs.angle_edges(*pair, cross)
             assert min(abs(found.value[0] - core.value), abs(np.pi - found.value[0] - core.value)) < 1e-12
             np.testing.assert_allclose(found.covariance[0, 0], core.variance, rtol=1e-8)
-            bias = cs.angle_bias(cs.relative(pair[0], pair[2]), 0, (pair[1], pair[3], cross))
+            bias = cs.constraints.angle.angle_bias(cs.relative(pair[0], pair[2]), 0, (pair[1], pair[3], cross))
             np.testing.assert_allclose(abs(found.bias[0]), abs(bias), rtol=1e-7)
             assert np.sign(found.bias[0]) == np.sign(bias) * (1 if abs(found.value[0] - core.value) < 1e-12 else -1)
         elif name == "point_distance":
             S = pair[1][:3, :3], pair[3][:3, :3], cross[:3, :3]
             R1, R2 = pair[0][:3, :3], pair[2][:3, :3]
             X = R1 @ S[2] @ R2.T
-            core = cs.point_distance(pair[0][:3, 3], pair[2][:3, 3], R1 @ S[0] @ R1.T + R2 @ S[1] @ R2.T - X - X.T)
+            core = cs.constraints.point.point_distance(
+                pair[0][:3, 3], pair[2][:3, 3], R1 @ S[0] @ R1.T + R2 @ S[1] @ R2.T - X - X.T
+            )
             np.testing.assert_allclose([found.value[0], found.bias[0]], [core.value, core.bias], rtol=1e-7)
             np.testing.assert_allclose(found.covariance[0, 0], core.variance, rtol=1e-7)
         seen.add(name)
@@ -247,9 +239,9 @@ def test_relate_is_the_table_of_two():
 
 
 def test_a_relation_has_ordered_shapes_and_new_names():
-    (relation,) = cs.PAIR_RELATIONS["plane", "point"]
+    (relation,) = cs.constraints.PAIR_RELATIONS["plane", "point"]
     with pytest.raises(InputError, match="got point, plane"):
-        cs.register_relation(replace(relation, shapes=("point", "plane")))
+        cs.constraints.register_relation(replace(relation, shapes=("point", "plane")))
     with pytest.raises(InputError, match="'point_plane_height', which is taken"):
-        cs.register_relation(relation)
-    assert cs.PAIR_RELATIONS["plane", "point"] == [relation]
+        cs.constraints.register_relation(relation)
+    assert cs.constraints.PAIR_RELATIONS["plane", "point"] == [relation]

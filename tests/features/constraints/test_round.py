@@ -10,19 +10,9 @@ import tanteo.features as cs
 import tanteo.fitting as ft
 from round_scenes import constraint_nees, related_scene, spread_of
 from tanteo.errors import InputError
-from tanteo.features import (
-    CIRCLE,
-    CONE,
-    CYLINDER,
-    KINDS,
-    PLANE,
-    SPHERE,
-    Feature,
-    Round,
-    SharedError,
-    SharedTerm,
-    reframe_feature,
-)
+from tanteo.features import Feature, Round, SharedError, SharedTerm
+from tanteo.features.kinds import CIRCLE, CONE, CYLINDER, KINDS, PLANE, SPHERE
+from tanteo.features.reframing import reframe_feature
 from tanteo.geometry import SE3, SO3
 
 TRIALS = 400
@@ -151,7 +141,7 @@ def test_sizes_are_constraints_with_all_their_errors():
     assert "boss or a bore" in cs.relate_size(cone).caution
     with pytest.raises(InputError, match="got a plane without"):
         cs.relate_size(Feature(PLANE, np.eye(4), np.eye(3)))
-    assert cs.CONSTRAINT_KINDS["radius"].units == ("m",)
+    assert cs.constraints.CONSTRAINT_KINDS["radius"].units == ("m",)
 
 
 def pattern(rng, holes, sd, base):

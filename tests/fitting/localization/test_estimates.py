@@ -10,8 +10,9 @@ from scipy.stats import binom, chi2
 
 from scenes import random_pose
 from tanteo.errors import InputError
-from tanteo.features import EDGE, KINDS, PLANE, VERTEX, Feature, SharedError, SharedTerm
-from tanteo.fitting import (
+from tanteo.features import Feature, SharedError, SharedTerm
+from tanteo.features.kinds import EDGE, KINDS, PLANE, VERTEX
+from tanteo.fitting.localization import (
     RELATIONS,
     Block,
     ModelFeature,

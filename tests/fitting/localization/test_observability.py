@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 from scenes import random_pose
-from tanteo.features import EDGE, PLANE, VERTEX, Feature
-from tanteo.fitting import ModelFeature, Pairing, describe_motion, estimate_pose, motion_scale, motions_about
+from tanteo.features import Feature
+from tanteo.features.kinds import EDGE, PLANE, VERTEX
+from tanteo.fitting.localization import (
+    ModelFeature,
+    Pairing,
+    describe_motion,
+    estimate_pose,
+    motion_scale,
+    motions_about,
+)
 from tanteo.geometry import SE3, SO3
 
 X, Y, Z = np.eye(3)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
-from tanteo.features import KINDS, PLANE, SPHERE
-from tanteo.fitting import RELATIONS, relation_between
+from tanteo.features.kinds import KINDS, PLANE, SPHERE
+from tanteo.fitting.localization import RELATIONS, relation_between
 from tanteo.geometry import SE3
 
 

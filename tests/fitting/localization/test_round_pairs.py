@@ -7,8 +7,9 @@ import pytest
 from scipy import special
 
 import tanteo.fitting as ft
-from tanteo.features import CIRCLE, CYLINDER, PLANE, SPHERE, VERTEX, Feature
-from tanteo.fitting import ModelFeature, Pairing, estimate_pose
+from tanteo.features import Feature
+from tanteo.features.kinds import CIRCLE, CYLINDER, PLANE, SPHERE, VERTEX
+from tanteo.fitting.localization import ModelFeature, Pairing, estimate_pose
 from tanteo.geometry import SE3, SO3
 
 HOLES = np.array([[0.03, 0.0, 0.0], [-0.03, 0.01, 0.0]])

@@ -7,29 +7,24 @@ from scipy.stats import chi2
 from felt_scenes import PARTS, facing, gripper, make_task, nees
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import (
-    Cell,
+from tanteo.hand import Workspace
+from tanteo.hand.acquisition import (
     EdgeGuess,
     FaceGuess,
-    Rules,
-    Scene,
-    SimulatedHand,
     VertexGuess,
-    Workspace,
-    box,
-    clearances,
+    exact_poses,
     features_of,
     plane_as_published,
     sense_edge,
     sense_plane,
     sense_vertex,
-    spiral_scan,
 )
 from tanteo.hand.acquisition.patch import find_patches, stands
-from tanteo.hand.acquisition.record import exact_poses
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.scan import scan
 from tanteo.hand.acquisition.seen import clearance, cloud_of, over
+from tanteo.hand.motion import Rules, spiral_scan
+from tanteo.hand.simulator import Cell, Scene, SimulatedHand, box, clearances
 from tanteo.io import read_readings, write_readings
 
 SENSE = {"plane": sense_plane, "edge": sense_edge, "vertex": sense_vertex}

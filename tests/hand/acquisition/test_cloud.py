@@ -7,8 +7,10 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.geometry import SE3
-from tanteo.hand import Body, Rules, Scene, SimulatedHand, box, spiral_scan
+from tanteo.hand import Body
 from tanteo.hand.acquisition.seen import Cloud, beside, clearance, cloud_of, over
+from tanteo.hand.motion import Rules, spiral_scan
+from tanteo.hand.simulator import Scene, SimulatedHand, box
 
 
 def straight_down(points, with_hit=True, sd=4e-4, slope=0.0):

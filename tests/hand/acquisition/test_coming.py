@@ -5,9 +5,11 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.geometry import SE3
-from tanteo.hand import FaceGuess, Rules, Scene, SimulatedHand, box
+from tanteo.hand.acquisition import FaceGuess
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.ways import come_near
+from tanteo.hand.motion import Rules
+from tanteo.hand.simulator import Scene, SimulatedHand, box
 
 TABLE = Scene.of([box("table", [-0.3, -0.3, -0.05], [0.3, 0.3, 0.0])])
 

@@ -9,10 +9,11 @@ from scipy.stats import chi2
 from felt_scenes import bevelled, gripper, nees, roof
 from tanteo.fitting import edge_from_planes
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import Crease, EdgeGuess, Rules, SimulatedHand, clearances, features_of, sense_edge
-from tanteo.hand.acquisition.edge import acquire_crease
+from tanteo.hand.acquisition import EdgeGuess, acquire_crease, features_of, sense_edge
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.scan import scan
+from tanteo.hand.motion import Crease, Rules
+from tanteo.hand.simulator import SimulatedHand, clearances
 
 
 def over(y, height, turned=(0.0, 0.0, 0.0)):

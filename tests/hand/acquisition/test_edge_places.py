@@ -4,12 +4,13 @@ import numpy as np
 
 from felt_scenes import gripper
 from tanteo.geometry import SE3
-from tanteo.hand import Rules, Scene, SimulatedHand, box, clearances, spiral_scan
 from tanteo.hand.acquisition import crossings
 from tanteo.hand.acquisition.crossings import Search, cross_at, known_way, pose_over, scan_above
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.scan import scan
 from tanteo.hand.acquisition.ways import nearly_known
+from tanteo.hand.motion import Rules, spiral_scan
+from tanteo.hand.simulator import Scene, SimulatedHand, box, clearances
 
 STANDOFF = 0.02
 ALONG, OUTWARDS = np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0])

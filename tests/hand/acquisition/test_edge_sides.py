@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from felt_scenes import gripper
-from tanteo.features import EDGE, PLANE, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import EDGE, PLANE
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import FREE, HIT, LOST, HandReading, Motion
+from tanteo.hand import FREE, HIT, LOST, HandReading
 from tanteo.hand.acquisition.edge_events import against
+from tanteo.hand.motion import Motion
 from tanteo.words.findings import AtPose, FaceEndsElsewhere
 
 STANDOFF, OUT = 0.02, np.array([0.0, 1.0, 0.0])

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
-from tanteo.features import PLANE, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import PLANE
 from tanteo.geometry import SE3
-from tanteo.hand import EdgeGuess, FaceGuess, VertexGuess
+from tanteo.hand.acquisition import EdgeGuess, FaceGuess, VertexGuess, as_guessed
 from tanteo.hand.acquisition.patch import find_patches
-from tanteo.hand.acquisition.plane import as_guessed
 from tanteo.hand.acquisition.seen import Cloud
 from tanteo.words.findings import OtherFace, ReadingsTaken
 

@@ -5,8 +5,11 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import FaceGuess, Rules, Scene, SimulatedHand, Workspace, box, clearances, sense_plane, spiral_scan
-from tanteo.hand.acquisition.seen import _CELL, GAP, Known, _cells, _middles
+from tanteo.hand import Workspace
+from tanteo.hand.acquisition import FaceGuess, sense_plane
+from tanteo.hand.acquisition.seen import CELL, GAP, Known, cells_of, middles_of
+from tanteo.hand.motion import Rules, spiral_scan
+from tanteo.hand.simulator import Scene, SimulatedHand, box, clearances
 
 RULES = Rules(clearance=0.012, workspace=Workspace.above(0.0))
 TABLE = Scene.of([box("table", [-0.3, -0.3, -0.05], [0.3, 0.3, 0.0])])
@@ -94,6 +97,6 @@ def test_a_post_that_no_beam_hit_is_avoided(away, turn):
 
 def test_every_cell_that_holds_a_point_counts_once():
     points = np.random.default_rng(3).normal(scale=0.01, size=(5000, 3))
-    expected = np.unique(np.round(points / _CELL), axis=0) * _CELL
-    np.testing.assert_allclose(_middles(_cells(points)), expected, atol=1e-12)
-    assert len(_middles(_cells(np.zeros((0, 3))))) == 0
+    expected = np.unique(np.round(points / CELL), axis=0) * CELL
+    np.testing.assert_allclose(middles_of(cells_of(points)), expected, atol=1e-12)
+    assert len(middles_of(cells_of(np.zeros((0, 3))))) == 0

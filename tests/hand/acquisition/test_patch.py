@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tanteo.geometry import SO3
-from tanteo.hand import FaceGuess
+from tanteo.hand.acquisition import FaceGuess
 from tanteo.hand.acquisition.patch import find_patches, stands
 from tanteo.hand.acquisition.seen import Cloud
 

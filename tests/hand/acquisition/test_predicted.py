@@ -8,7 +8,8 @@ import pytest
 import tanteo
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
-from tanteo.hand import EdgeGuess, FaceGuess, RoundGuess, VertexGuess, predicted
+from tanteo.hand import predicted
+from tanteo.hand.acquisition import EdgeGuess, FaceGuess, RoundGuess, VertexGuess
 from tanteo.parts import Surface, round_features
 
 PARTS = Path(__file__).parents[3] / "examples" / "parts"

@@ -9,7 +9,9 @@ from scipy.stats import chi2
 from bore_scenes import plate, round_error, round_task, slot, solid, whole_covariance
 from felt_scenes import gripper
 from tanteo.errors import InputError
-from tanteo.hand import Cell, RoundGuess, Rules, SimulatedHand, clearances, features_of, sense_circle, sense_cylinder
+from tanteo.hand.acquisition import RoundGuess, features_of, sense_circle, sense_cylinder
+from tanteo.hand.motion import Rules
+from tanteo.hand.simulator import Cell, SimulatedHand, clearances
 from tanteo.words.findings import OtherRim
 
 SENSE = {"circle": sense_circle, "cylinder": sense_cylinder}

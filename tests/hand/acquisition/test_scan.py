@@ -7,19 +7,8 @@ import pytest
 
 from felt_scenes import gripper, nees, roof
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import (
-    FaceGuess,
-    Rules,
-    Scene,
-    SimulatedHand,
-    Workspace,
-    box,
-    clearances,
-    go_to,
-    retreat,
-    sense_plane,
-    spiral_scan,
-)
+from tanteo.hand import Workspace
+from tanteo.hand.acquisition import FaceGuess, sense_plane
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.scan import WIDTHS, scan
 from tanteo.words.findings import Followed, NoSpace, NotOneFeature

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from felt_scenes import PARTS, gripper, is_meant, make_task
-from tanteo.hand import Cell, Rules, SimulatedHand, clearances, sense_edge, sense_plane
+from tanteo.hand.acquisition import sense_edge, sense_plane
+from tanteo.hand.motion import Rules
+from tanteo.hand.simulator import Cell, SimulatedHand, clearances
 
 SENSE = {"plane": sense_plane, "edge": sense_edge}
 

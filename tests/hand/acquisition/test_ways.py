@@ -5,9 +5,11 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.geometry import SE3
-from tanteo.hand import Rules, Scene, SimulatedHand, Workspace, box, clearances, go_to
+from tanteo.hand import Workspace
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.ways import SWING, scan_surroundings
+from tanteo.hand.motion import Rules, go_to
+from tanteo.hand.simulator import Scene, SimulatedHand, box, clearances
 
 TILT, SPACING = 0.25, 0.09
 STANDOFF = 0.02

@@ -7,8 +7,8 @@ import pytest
 
 from felt_scenes import gripper, roof
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import Rules, Scene, SimulatedHand, box, cross_edge
-from tanteo.hand.motion.track import STEEP, Track
+from tanteo.hand.motion import STEEP, Rules, Track, cross_edge
+from tanteo.hand.simulator import Scene, SimulatedHand, box
 
 
 def crossing(scene, standoff=0.02, seed=0):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
-from tanteo.hand import Loop
+from tanteo.hand.motion import Loop
 
 LATENCIES = [0.0, 0.005, 0.01, 0.03, 0.05, 0.1]
 

@@ -9,28 +9,21 @@ from scipy.stats import chi2
 from felt_scenes import gripper
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import (
-    Cell,
-    ForbiddenBox,
+from tanteo.hand import ForbiddenBox, Workspace
+from tanteo.hand.motion import (
     Rules,
-    Scene,
-    SimulatedHand,
-    Solid,
-    Workspace,
-    advance,
     align,
     aligned_pose,
     approach,
-    box,
-    clearances,
     cross_edge,
+    crossing_sd,
     follow,
     go_to,
     retreat,
-    rotation_twist,
     spiral_scan,
 )
-from tanteo.hand.motion.crossing import crossing_sd
+from tanteo.hand.simulator import Cell, Scene, SimulatedHand, Solid, box, clearances
+from tanteo.hand.twists import advance, rotation_twist
 
 STANDOFF = 0.02
 RULES = Rules(clearance=0.012)

@@ -7,8 +7,9 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.geometry.typing import Tangents
-from tanteo.hand import FREE, HIT, LOST, NEAR, ForbiddenBox, HandReading, Rules, Steering, Workspace, advance, approach
-from tanteo.hand.motion.following import seen_surface
+from tanteo.hand import FREE, HIT, LOST, NEAR, ForbiddenBox, HandReading, Workspace
+from tanteo.hand.motion import Rules, Steering, approach, seen_surface
+from tanteo.hand.twists import advance
 
 AHEAD: Tangents = np.array([0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
 

@@ -10,8 +10,11 @@ from scipy.stats import chi2
 from felt_scenes import gripper
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import FREE, HIT, LOST, NEAR, Cell, Scene, SimulatedHand, Solid, box, clearances, translation_twist
-from tanteo.sensors import Readings, error_model, measure, robot_preset
+from tanteo.hand import FREE, HIT, LOST, NEAR
+from tanteo.hand.simulator import Cell, Scene, SimulatedHand, Solid, box, clearances
+from tanteo.hand.twists import translation_twist
+from tanteo.sensors import Readings, error_model, measure
+from tanteo.sensors.presets import robot_preset
 
 DOWN = SE3.from_parts(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 0.15]))
 """The hand's front 50 mm over the table."""

@@ -7,7 +7,8 @@ import pytest
 
 from log_cases import CASES, MM, PCD_HEAD, PLY_HEAD, POSES, UP, P, R, console, fanuc, krl, rows, save
 from tanteo.errors import InputError, ReadingsError, UnitError
-from tanteo.io import FORMATS, Contents, read_readings, recognise
+from tanteo.io import read_readings
+from tanteo.io.logs import FORMATS, Contents, recognise
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
-from tanteo.io import Contents, read_readings, read_rig, recognise
+from tanteo.io import read_readings, read_rig
+from tanteo.io.logs import Contents, recognise
 from tanteo.sensors import measure
 
 DISTANCES = 300 + np.arange(64).reshape(8, 8)

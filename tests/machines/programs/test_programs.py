@@ -13,9 +13,10 @@ import pytest
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.io import pose_from_brand
-from tanteo.machines import PROGRAMS, job_of, write_program
+from tanteo.machines.programs import PROGRAMS, job_of, write_program
 from tanteo.parts import Surface, signed_distance
-from tanteo.planning import at_pose, plan, probe_of
+from tanteo.planning import plan, probe_of
+from tanteo.planning.start import at_pose
 from tanteo.posterior import prepare
 
 AXES_3 = [name for name, language in PROGRAMS.builtin.items() if language.points_down]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from tanteo.parts import Surface, borders
+from tanteo.parts import Surface
+from tanteo.parts.shapes.borders import borders
 
 
 def box(*sides):

@@ -4,7 +4,8 @@ import igl
 import numpy as np
 import pytest
 
-from tanteo.parts import Surface, distance_field, signed_distance
+from tanteo.parts import Surface, signed_distance
+from tanteo.parts.shapes import distance_field
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 BOX = np.array(

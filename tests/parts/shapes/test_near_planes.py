@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tanteo.parts import Surface, distance_field, near_planes, nearest, read_part, signed_distance
+from tanteo.parts import Surface, read_part, signed_distance
+from tanteo.parts.shapes import distance_field
+from tanteo.parts.shapes.near_planes import near_planes, nearest
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "parts"
 

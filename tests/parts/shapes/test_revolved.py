@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tanteo.parts import Profiles, Surface, revolved
+from tanteo.parts import Surface
+from tanteo.parts.shapes.revolved import Profiles, revolved
 
 KINDS = {"cylinder": (0.03, 0.0, 0.0), "cone": (0.0, 0.4, 0.0), "sphere": (0.0, 0.0, 0.05), "torus": (0.06, 0.0, 0.02)}
 """Distance of the profile from the axis [m], its slope [rad] and its radius [m]."""

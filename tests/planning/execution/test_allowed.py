@@ -11,7 +11,8 @@ from bare_scenes import SENSORS, no_paths, scene, touches_of
 from sensing_scenes import without_modes
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
-from tanteo.planning import PossiblePoses, at_place, begin, update
+from tanteo.planning import at_place, begin, update
+from tanteo.planning.execution import PossiblePoses
 from unknown_scenes import CLEARANCE, SDS
 
 RIGHT = 1

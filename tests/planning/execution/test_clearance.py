@@ -8,9 +8,12 @@ import pytest
 from felt_scenes import gripper
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
-from tanteo.hand import ForbiddenBox, Rules, Workspace
+from tanteo.hand import ForbiddenBox, Workspace
+from tanteo.hand.motion import Rules
 from tanteo.parts import signed_distance
-from tanteo.planning import FreeSpace, PossiblePoses, approach_poses, at_place, begin, hand_probe, propose, reachable
+from tanteo.planning import at_place, begin, hand_probe
+from tanteo.planning.candidates import propose
+from tanteo.planning.execution import FreeSpace, PossiblePoses, approach_poses, reachable
 from tanteo.planning.execution.approach import approach_path, retreated_poses, route
 
 RULES = Rules(clearance=0.012, workspace=Workspace.above(0.0))

@@ -9,9 +9,11 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.geometry import SE3
-from tanteo.hand import FREE, HIT, LOST, HandReading, Scene, box
-from tanteo.planning import Furniture, PossiblePoses, at_pose, begin
-from tanteo.planning.execution.resting import as_readings, beyond_furniture, of_parts
+from tanteo.hand import FREE, HIT, LOST, HandReading
+from tanteo.hand.simulator import Scene, box
+from tanteo.planning import Furniture, begin
+from tanteo.planning.execution import PossiblePoses, as_readings, beyond_furniture, of_parts
+from tanteo.planning.start import at_pose
 from tanteo.sensors import error_model, measure
 
 HAND = gripper()

@@ -14,9 +14,12 @@ from tanteo.factors import PythonFactor
 from tanteo.geometry import SE3
 from tanteo.io import read_camera, read_image, read_marks, read_record, write_record
 from tanteo.parts import read_part
-from tanteo.planning import Action, Sensing, Session, Stop, at_place, begin, part_seen, seen_start
+from tanteo.planning import Action, Sensing, Session, Stop, at_place, begin
+from tanteo.planning.execution import part_seen, seen_start
 from tanteo.posterior import Priors, identify_points, prepare
-from tanteo.vision import find_edges, find_regions, fit_camera, see_table
+from tanteo.vision import find_edges, see_table
+from tanteo.vision.regions import find_regions
+from tanteo.vision.table import fit_camera
 
 pytest.importorskip("cv2")
 

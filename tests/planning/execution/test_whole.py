@@ -11,10 +11,12 @@ from bore_scenes import plate
 from felt_scenes import gripper
 from random_parts import write_off
 from tanteo.errors import InputError
-from tanteo.hand import least_radius
+from tanteo.hand.acquisition import least_radius
 from tanteo.io import read_record, write_record
 from tanteo.parts import read_part
-from tanteo.planning import Action, Session, Stop, acquirable, at_pose, sense_part
+from tanteo.planning import Action, Session, Stop, sense_part
+from tanteo.planning.execution import acquirable
+from tanteo.planning.start import at_pose
 from tanteo.posterior import prepare
 from unknown_scenes import CLEARANCE, STANDOFF, off, unknown_scene, unknown_session
 

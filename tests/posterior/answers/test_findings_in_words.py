@@ -9,7 +9,8 @@ import pytest
 
 from tanteo.io import recognition_document
 from tanteo.posterior import Answer
-from tanteo.words import Finding, findings, message_of, sentence
+from tanteo.words import Finding, findings, message_of
+from tanteo.words.sentences import sentence
 
 CONCRETE = [
     kind

@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 
 from scenes import random_pose
-from tanteo.fitting import covariance_with_free
+from tanteo.fitting.localization import covariance_with_free
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.posterior import PosePrior, Table, in_box, log_density_within, prior_residuals, prior_rows
-from tanteo.posterior.answers.part_motions import (
+from tanteo.posterior import PosePrior, Table
+from tanteo.posterior.answers import (
     corner_sd,
+    in_box,
+    log_density_within,
     part_scale,
+    prior_residuals,
+    prior_rows,
     split_by_symmetry,
     symmetry_motions,
     where_to_sense,

@@ -5,20 +5,28 @@ import inspect
 from pathlib import Path
 
 import pytest
+import typer
 
 import tanteo
-from tanteo.cli.answer_options import Options
+from tanteo.cli.app import app
 from tanteo.defaults import SIGNIFICANCE, TOP
 from tanteo.errors import InputError
 from tanteo.planning import Session
 from tanteo.posterior import Answer
 
 
-@pytest.mark.parametrize("function", [tanteo.identify, tanteo.locate, Session.answer, Options])
+@pytest.mark.parametrize("function", [tanteo.identify, tanteo.locate, Session.answer])
 def test_the_default_numbers_of_a_question_stand_in_one_place(function):
     parameters = inspect.signature(function).parameters
     assert parameters["top"].default == TOP
     assert parameters["significance"].default in (SIGNIFICANCE, None)
+
+
+@pytest.mark.parametrize("command", ["identify", "locate"])
+def test_the_options_of_a_command_have_the_same_default_numbers(command):
+    options = {option.name: option for option in typer.main.get_command(app).commands[command].params}
+    assert options["top"].default == TOP
+    assert options["significance"].default in (SIGNIFICANCE, None)
 
 
 def test_an_answer_and_a_session_carry_their_significance():

@@ -8,7 +8,7 @@ import pytest
 import tanteo
 from tanteo.cli import main
 from tanteo.errors import InputError, UnitError
-from tanteo.io import parse_density, parse_mass, parse_size
+from tanteo.io.documents import parse_density, parse_mass, parse_size
 from tanteo.posterior import Priors, WholeObject
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -7,10 +7,11 @@ import pytest
 
 from browsing import HARD_TO_READ, SIZES, TEXT_TROUBLE, Watched, colours, complaints, differ, not_reached, pixels
 from report_scenes import ROUGH, SD, TOUCH, TRUTH, touched_session, touches
-from tanteo.planning import at_pose, discriminate, plan
+from tanteo.planning import discriminate, plan
+from tanteo.planning.start import at_pose
 from tanteo.posterior import prepare
 from tanteo.recognition import identify, locate
-from tanteo.render import Run, distinction_page, gather, plan_page, report_page, session_page, write_report
+from tanteo.render.html import Run, distinction_page, gather, plan_page, report_page, session_page, write_report
 from tanteo.sensors import Readings
 
 expect = pytest.importorskip("playwright.sync_api", reason="playwright is not installed").expect

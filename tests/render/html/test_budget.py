@@ -10,10 +10,12 @@ import pytest
 from report_scenes import TRUTH, touches
 from tanteo.geometry import SE3
 from tanteo.planning import Sensing
-from tanteo.posterior import PosePrior, Priors, corner_moves
+from tanteo.posterior import PosePrior, Priors
+from tanteo.posterior.answers import corner_moves
 from tanteo.recognition import locate
-from tanteo.render import find_contacts, gather, make_budget
-from tanteo.sensors import Readings, robot_preset
+from tanteo.render.html import find_contacts, gather, make_budget
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import robot_preset
 
 ROBOT = "calibrated_small"
 

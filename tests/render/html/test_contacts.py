@@ -11,7 +11,7 @@ from report_scenes import SD, TRUTH, touches
 from tanteo.geometry import SE3
 from tanteo.planning import Sensing
 from tanteo.recognition import locate
-from tanteo.render import find_contacts, gather
+from tanteo.render.html import find_contacts, gather
 from tanteo.sensors import Readings
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 
 from report_scenes import ball
-from tanteo.render import draw_part
+from tanteo.render.html import draw_part
 
 
 def test_a_small_part_is_drawn_as_it_is(wedge):

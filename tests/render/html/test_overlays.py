@@ -7,9 +7,9 @@ import pytest
 
 from report_scenes import touches
 from tanteo.geometry import SE3
-from tanteo.posterior import corner_moves
+from tanteo.posterior.answers import corner_moves
 from tanteo.recognition import locate
-from tanteo.render import find_ways
+from tanteo.render.html import find_ways
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from report_scenes import ROUGH, TOUCH, TRUTH
-from tanteo.planning import at_pose, discriminate, plan
+from tanteo.planning import discriminate, plan
+from tanteo.planning.start import at_pose
 from tanteo.posterior import prepare
-from tanteo.render import Run, distinction_page, plan_page
+from tanteo.render.html import Run, distinction_page, plan_page
 from tanteo.render.html.charts import SHARES, Curve, curve_chart, lengths_scale
 from tanteo.words import percent
 from tanteo.words.findings import NoPlaceReached

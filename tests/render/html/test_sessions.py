@@ -11,7 +11,8 @@ from report_scenes import SD, TRUTH, touched_session, touches
 from tanteo.planning import Session, explain
 from tanteo.posterior import Priors
 from tanteo.recognition import locate
-from tanteo.render import (
+from tanteo.render.html import (
+    Candidate,
     Run,
     course_section,
     directions_of,
@@ -22,7 +23,6 @@ from tanteo.render import (
     headline,
     session_page,
 )
-from tanteo.render.html.scene import Candidate
 from tanteo.sensors import Readings
 
 RUN = Run("tanteo replay s.json", "tanteo 1", (("Least clearance", "3 <mm>"),))

@@ -13,7 +13,7 @@ from report_scenes import SD, ball, touches
 from tanteo.errors import InputError
 from tanteo.posterior import Answer
 from tanteo.recognition import identify, locate
-from tanteo.render import Run, Section, element, gather, headline, report_page, write_report
+from tanteo.render.html import Run, Section, element, gather, headline, report_page, write_report
 from tanteo.sensors import Readings
 from tanteo.words import details_of, p_equals, percent
 from tanteo.words.findings import CloseTogether, Located, NothingSensed, SeveralPoses

@@ -10,8 +10,7 @@ import pytest
 
 from browsing import HARD_TO_READ, PATIENCE, SIZES, Watched, colours, complaints, differ, pixels
 from tanteo.geometry import SE3
-from tanteo.render import Player, Quit
-from tanteo.render.live.view import extent
+from tanteo.render.live import Player, Quit, extent
 from viewer_scenes import TRUE, maker
 
 pytest.importorskip("viser", reason="the extra tanteo[viewer] is not installed")

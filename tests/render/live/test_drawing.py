@@ -9,8 +9,7 @@ from felt_scenes import gripper
 from tanteo.geometry import SE3, SO3
 from tanteo.hand import FREE, HIT, LOST, HandReading
 from tanteo.planning import Action
-from tanteo.render import Snapshot
-from tanteo.render.live import colors, drawing
+from tanteo.render.live import Snapshot, colors, drawing
 from tanteo.render.live.primitives import Arrow, Dots, Lines, Mesh
 from viewer_scenes import TABLE, TRUE, maker
 

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tanteo.hand import Solid
+from tanteo.hand.simulator import Solid
 from tanteo.planning import sense_part
-from tanteo.render import Advance, Click, Pause, Player, Quit, hand_show
-from tanteo.render.live.player import HELP
+from tanteo.render.live import HELP, Advance, Click, Pause, Player, Quit, hand_show
 from unknown_scenes import unknown_scene, unknown_session
 from viewer_scenes import Person
 
@@ -74,7 +73,7 @@ def test_it_moves_stays_and_senses_equally_without_a_viewer(targets):
 
 def test_the_code_of_the_page_runs(targets, monkeypatch):
     shows = []
-    monkeypatch.setattr("tanteo.render.play", lambda make, seed, policy, ready: shows.append(make(seed, policy)))
+    monkeypatch.setattr("tanteo.render.live.play", lambda make, seed, policy, ready: shows.append(make(seed, policy)))
     page = (Path(__file__).parents[3] / "docs" / "view.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
 

@@ -10,8 +10,7 @@ import pytest
 
 from sensing_scenes import without_modes
 from tanteo.factors import FreeRays
-from tanteo.render import Snapshot
-from tanteo.render.live import colors, drawing, panel, snapshot
+from tanteo.render.live import Snapshot, colors, drawing, panel, snapshot
 from viewer_scenes import maker
 
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from tanteo.geometry import SE3
-from tanteo.render import Advance, AnswerNow, Choose, Click, Contest, Go, Pause, Player, Quit, Restart
-from tanteo.render.live import drawing
+from tanteo.render.live import Advance, AnswerNow, Choose, Click, Contest, Go, Pause, Player, Quit, Restart, drawing
 from tanteo.words.findings import ChosenByUser
 from viewer_scenes import TRUE, Person, maker
 

@@ -12,11 +12,9 @@ import pytest
 
 import tanteo.render.live
 from tanteo.geometry import SE3
-from tanteo.hand import Scene, Solid, box
+from tanteo.hand.simulator import Scene, Solid, box
 from tanteo.planning import Action
-from tanteo.render import Snapshot, probe_show
-from tanteo.render.live.commands import picked
-from tanteo.render.live.shows import NOISE, simulated
+from tanteo.render.live import NOISE, Snapshot, picked, probe_show, simulated
 from tanteo.sensors import Readings, measure
 from tanteo.words.findings import ChosenByUser, ClickFailed
 from viewer_scenes import TRUE, maker
@@ -79,7 +77,7 @@ def test_a_click_senses_along_the_normal_at_its_point(session):
 
 def replaced(session, target):
     """Return the session with this part alone, so that no other object is in the way."""
-    from tanteo.planning import at_pose
+    from tanteo.planning.start import at_pose
 
     k = next(i for i, t in enumerate(session.start.targets) if t is target)
     start = at_pose(target, session.start.Ts[k], session.start.covariances[k])

@@ -7,9 +7,10 @@ import pytest
 
 from tanteo import __version__
 from tanteo.geometry import SE3, SO3
-from tanteo.io import recognition_document, recognition_json
+from tanteo.io import recognition_document
+from tanteo.io.documents import recognition_json
 from tanteo.posterior import Answer, Hypothesis
-from tanteo.render import answer_lines
+from tanteo.render.text import answer_lines
 from tanteo.words.findings import GivenTwice, NoPart, NothingSensed
 
 T = SE3.from_parts(

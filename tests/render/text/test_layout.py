@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tanteo.render import PLAIN, Layout
+from tanteo.render.text import PLAIN, Layout
 
 HEADERS = ["part", "probability", "x mm", "y mm", "z mm", "roll", "pitch", "yaw deg", "corner sd mm"]
 ROWS = [

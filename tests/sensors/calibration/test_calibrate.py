@@ -6,7 +6,9 @@ from scipy.stats import chi2
 
 from plane_scenes import PLACE, REPEAT, joined, random_hands, ranges_to, simulated_log
 from tanteo.geometry import SE3, SO3
-from tanteo.sensors import Readings, calibrate, calibrated_rig, measure, plane_angle, robot_preset
+from tanteo.sensors import Readings, calibrate, measure
+from tanteo.sensors.calibration import calibrated_rig, plane_angle
+from tanteo.sensors.presets import robot_preset
 
 RUNS, STATIONS, FRESH = 24, 25, 8
 

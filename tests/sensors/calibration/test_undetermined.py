@@ -8,7 +8,9 @@ import pytest
 from plane_scenes import joined, random_hands, simulated_log
 from tanteo.errors import InputError, ReadingsError
 from tanteo.geometry import SE3
-from tanteo.sensors import Readings, Rig, RigSensor, calibrate, calibrated_rig, plane_angle, sensor_preset
+from tanteo.sensors import Readings, Rig, RigSensor, calibrate
+from tanteo.sensors.calibration import calibrated_rig, plane_angle
+from tanteo.sensors.presets import sensor_preset
 from tanteo.words.findings import OffRig
 
 PLANE = SE3.exp(np.array([0.1, 0.2, 0.3, 0.4, 0.1, 0.2]))

@@ -16,12 +16,16 @@ import numpy as np
 from tanteo.catalogue import read_parts
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
-from tanteo.hand import Solid, Workspace
+from tanteo.hand import Workspace
+from tanteo.hand.simulator import Solid
 from tanteo.io import read_camera, read_image, read_marks, write_image
 from tanteo.parts import Part
-from tanteo.planning import Action, Probe, Sensing, Session, Start, Stop, at_place, policy_named, seen_start
+from tanteo.planning import Action, Probe, Sensing, Session, Stop, at_place, policy_named
+from tanteo.planning.execution import seen_start
+from tanteo.planning.start import Start
 from tanteo.posterior import Hypothesis, PreparedPart, prepare
-from tanteo.sensors import NoiseLaw, Readings
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import NoiseLaw
 
 if TYPE_CHECKING:
     from tanteo.vision import Camera, Sighting
@@ -131,7 +135,8 @@ def _placed(targets: dict[str, PreparedPart], truth: str, T: Transforms) -> Star
 def _image_start(folder: Path, parts: Sequence[Part], targets: dict[str, PreparedPart]) -> tuple[Start, Seen]:
     """Return the prior that the camera gives, with pictures."""
     from tanteo.render import draw_sight
-    from tanteo.vision import fit_camera, prepare_vision, see_table
+    from tanteo.vision import prepare_vision, see_table
+    from tanteo.vision.table import fit_camera
 
     camera = read_camera(folder / "camera.yaml")
     placed = fit_camera(camera, *read_marks(folder / "marks.csv"))
@@ -173,8 +178,9 @@ def _likenesses(
     image: FloatArray, camera: Camera, parts: Sequence[tuple[Part, Transforms]], window: tuple[slice, slice]
 ) -> np.ndarray:
     """Return the image beside renderings of each part; differences are tinted in the last one."""
-    from tanteo.vision import Appearance, render, rendered_part
-    from tanteo.vision import Stage as Table
+    from tanteo.vision import render
+    from tanteo.vision.rendering import Appearance, rendered_part
+    from tanteo.vision.rendering import Stage as Table
 
     rows, columns = window
     K = camera.K.copy()

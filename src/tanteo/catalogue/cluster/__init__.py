@@ -5,3 +5,7 @@ A *scheduler* is the address of a running Dask scheduler (``tcp://HOST:PORT``, s
 the same version of tanteo and the same file paths. Anybody who can reach a scheduler can run programs on its workers:
 use it only in a network that you trust.
 """
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -39,7 +39,7 @@ def relate_pattern(features: Sequence[Feature], model: Vectors) -> JointTest:
 
     Example:
         >>> holes = [
-        ...     tanteo.fitting.given_round(tanteo.features.CIRCLE, c, 1e-5, label="h")
+        ...     tanteo.fitting.given_round(tanteo.features.kinds.CIRCLE, c, 1e-5, label="h")
         ...     for c in ([0, 0, 0], [0.04, 0, 0], [0, 0.03, 0])
         ... ]
         >>> test = tanteo.features.relate_pattern(holes, [[0, 0, 0.1], [0, 0.04, 0.1], [-0.03, 0, 0.1]])

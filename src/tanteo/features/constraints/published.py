@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import DegenerateError
-from tanteo.geometry import SE3, loc_to_matrix, matrix_to_loc, relate_arrays
+from tanteo.geometry import SE3, relate_arrays
+from tanteo.geometry.location import loc_to_matrix, matrix_to_loc
 from tanteo.geometry.typing import Covariances, FloatArray, LocationVectors, Transforms
 
 

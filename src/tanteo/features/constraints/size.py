@@ -27,7 +27,7 @@ def relate_size(feature: Feature) -> Constraint:
 
     Example:
         >>> hole = tanteo.fitting.given_round(
-        ...     tanteo.features.CIRCLE, [0, 0, 0], 1e-5, size=3e-3, size_sd=1e-5, convex=False, label="A"
+        ...     tanteo.features.kinds.CIRCLE, [0, 0, 0], 1e-5, size=3e-3, size_sd=1e-5, convex=False, label="A"
         ... )
         >>> found = tanteo.features.relate_size(hole)
         >>> bool(found.p_value(3.02e-3) > 0.01), bool(found.p_value(3.05e-3) > 0.01)

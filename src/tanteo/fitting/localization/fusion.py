@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import FeatureKind
+from tanteo.features.kinds import FeatureKind
 from tanteo.fitting.localization.relations import relation_between
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
@@ -54,8 +54,8 @@ def fuse_features(
 
     Example:
         >>> one, other = (5.01e-3, np.diag([1, 1, 1, 1.0]) * 1e-10), (5.03e-3, np.diag([1, 1, 1, 3.0]) * 1e-10)
-        >>> ball = tanteo.fitting.fuse_features(
-        ...     tanteo.features.SPHERE, np.eye(4), one[1], np.eye(4), other[1], (one[0], other[0])
+        >>> ball = tanteo.fitting.localization.fuse_features(
+        ...     tanteo.features.kinds.SPHERE, np.eye(4), one[1], np.eye(4), other[1], (one[0], other[0])
         ... )
         >>> round(1e3 * float(ball.size), 6)
         5.015

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.features import Feature, FeatureKind, SharedError, collect_shared
+from tanteo.features import Feature, SharedError, collect_shared
+from tanteo.features.kinds import FeatureKind
 from tanteo.fitting.localization.relations import Relation, relation_between
 from tanteo.fitting.localization.solve import Block
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors

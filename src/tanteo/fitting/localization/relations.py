@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, CYLINDER, EDGE, KINDS, PLANE, SPHERE, VERTEX, FeatureKind
+from tanteo.features.kinds import CIRCLE, CYLINDER, EDGE, KINDS, PLANE, SPHERE, VERTEX, FeatureKind
 from tanteo.geometry.typing import FloatArray, Transforms
 
 Linear = tuple[FloatArray, FloatArray]

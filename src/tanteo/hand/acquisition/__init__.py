@@ -5,3 +5,7 @@ from a distance, selects the surface patch that matches the guess, and senses it
 :mod:`tanteo.hand.motion`. The readings are recorded, and :func:`features_of` computes identical features from a run
 and from its file.
 """
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

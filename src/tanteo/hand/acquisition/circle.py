@@ -18,7 +18,7 @@ from tanteo.hand.acquisition.rim_seen import LEAST_GAIN, Disc, in_face, seen_dis
 from tanteo.hand.acquisition.run import Acquired, Attempt, SensingRun, finish
 from tanteo.hand.motion.steering import Rules
 from tanteo.hand.robot import Robot
-from tanteo.sensors import RobotPreset
+from tanteo.sensors.presets import RobotPreset
 from tanteo.words import p_equals
 from tanteo.words.findings import (
     AfterMotion,

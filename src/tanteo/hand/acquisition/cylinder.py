@@ -15,7 +15,7 @@ from tanteo.hand.acquisition.run import Acquired, Attempt, SensingRun, finish
 from tanteo.hand.acquisition.wall import WallReading, depths, read_wall
 from tanteo.hand.motion.steering import Rules
 from tanteo.hand.robot import Robot
-from tanteo.sensors import RobotPreset
+from tanteo.sensors.presets import RobotPreset
 from tanteo.words.findings import AfterMotion, FewWallPlaces, Finding, NotOneFeature, NoTwoRings, StepFailed, WallSensed
 
 ANGLES = 0, 120, 240, 60, 180, 300

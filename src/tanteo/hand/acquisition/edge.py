@@ -27,7 +27,7 @@ from tanteo.hand.motion.steering import Motion, Rules
 from tanteo.hand.motion.track import Crease, crease_angle
 from tanteo.hand.motion.travelling import go_to, path
 from tanteo.hand.robot import Robot
-from tanteo.sensors import RobotPreset
+from tanteo.sensors.presets import RobotPreset
 from tanteo.words.findings import (
     AfterMotion,
     BendsAway,

@@ -152,7 +152,7 @@ class RoundGuess:
         radius_share: standard deviation of the radius, as a fraction of it.
 
     Example:
-        >>> tanteo.hand.RoundGuess([0, 0, 0.02], [0, 0, 2], 0.015).axis.tolist()
+        >>> tanteo.hand.acquisition.RoundGuess([0, 0, 0.02], [0, 0, 2], 0.015).axis.tolist()
         [0.0, 0.0, 1.0]
     """
 

@@ -18,7 +18,8 @@ from tanteo.hand.motion.following import approach
 from tanteo.hand.motion.steering import Motion, Rules
 from tanteo.hand.motion.travelling import go_to, path
 from tanteo.hand.robot import Robot
-from tanteo.sensors import RobotPreset, error_model
+from tanteo.sensors import error_model
+from tanteo.sensors.presets import RobotPreset
 from tanteo.words.findings import FaceNotRepeated, FacesTooNarrow, Finding, NoFlatFace, NoSpace, NotAllSeen, OtherFace
 
 HOVER = 0.06

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.errors import DegenerateError, InputError
-from tanteo.features import CIRCLE, Feature
+from tanteo.features import Feature
+from tanteo.features.kinds import CIRCLE
 from tanteo.fitting import FitReport, circle_on_plane, fit_labelled, plane_from_two_directions
 from tanteo.geometry import SO3
 from tanteo.geometry.typing import IntArray, Transforms
 from tanteo.hand.motion.crossing import EdgeEvent
 from tanteo.hand.robot import HIT, Hand, HandReading
-from tanteo.sensors import Readings, Rig, RobotPreset, measure, reading_kind
+from tanteo.sensors import Readings, Rig, measure, reading_kind
+from tanteo.sensors.presets import RobotPreset
 
 if TYPE_CHECKING:
     from tanteo.hand.acquisition.wall import WallReading

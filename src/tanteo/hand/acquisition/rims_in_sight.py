@@ -8,7 +8,8 @@ import numpy as np
 
 from tanteo.hand.acquisition.approach_view import FACING, ApproachView
 from tanteo.hand.acquisition.in_sight import InSight
-from tanteo.parts import Rim, RoundFeature, round_features
+from tanteo.parts import Rim, round_features
+from tanteo.parts.faces import RoundFeature
 
 _SHARE = 0.05
 """Standard deviation of the radius of a part's bore or boss, as a fraction of it."""

@@ -12,12 +12,13 @@ from tanteo.hand.acquisition.seen import Cloud, Known, cloud_of
 from tanteo.hand.motion.following import retreat
 from tanteo.hand.motion.steering import Motion, Rules
 from tanteo.hand.robot import Hand, Robot
-from tanteo.sensors import Readings, RobotPreset, concatenate
+from tanteo.sensors import Readings, concatenate
+from tanteo.sensors.presets import RobotPreset
 from tanteo.words.findings import AtPose, Finding
 
 Outcome: TypeAlias = Literal["acquired", "lost", "nothing", "limit", "timeout", "unclear"]
 """``acquired``: the feature is sensed. ``unclear``: what was read does not determine it, or contradicts itself. The
-others are the endings of the motion that could not do its part (:data:`tanteo.hand.Ending`)."""
+others are the endings of the motion that could not do its part (:data:`tanteo.hand.motion.Ending`)."""
 
 
 Attempt: TypeAlias = tuple[Outcome, Finding, Feature | None]

@@ -154,7 +154,7 @@ GAP = 0.0055
 _PACE = 0.004
 """Distance of consecutive points along a beam [m]."""
 
-_CELL = 0.002
+CELL = 0.002
 """Size of the cells in which points of beams count once [m]."""
 
 _BITS = 21
@@ -182,11 +182,11 @@ class Known:
         centres, radii = hand.body.placed(T), hand.body.radii
         # between two instants that are kept the hand was nearly as far out
         places = {GAP: _along_beams(hand, kept)}
-        places |= {float(r) + _CELL: centres[:, radii == r].reshape(-1, 3) for r in np.unique(radii)}
-        self._cells = {reach: _cells(points) for reach, points in places.items()}
+        places |= {float(r) + CELL: centres[:, radii == r].reshape(-1, 3) for r in np.unique(radii)}
+        self._cells = {reach: cells_of(points) for reach, points in places.items()}
         for reach, cells in before._cells.items() if before is not None else ():
             self._cells[reach] = _once(np.concatenate([cells, self._cells[reach]]))
-        self._trees = [(reach, cKDTree(_middles(cells), balanced_tree=False)) for reach, cells in self._cells.items()]
+        self._trees = [(reach, cKDTree(middles_of(cells), balanced_tree=False)) for reach, cells in self._cells.items()]
 
     def has(self, points: Vectors) -> BoolArray:
         """Return the mask of the known points ``(*batch,)``.
@@ -243,9 +243,9 @@ def _along_beams(hand: Hand, log: Sequence[HandReading]) -> Vectors:
     return np.asarray(points[steps < reach[..., None]])
 
 
-def _cells(points: Vectors) -> IntArray:
+def cells_of(points: Vectors) -> IntArray:
     """Return the unique indices of the cells that contain points."""
-    i = np.round(points / _CELL).astype(np.int64) + _HALF
+    i = np.round(points / CELL).astype(np.int64) + _HALF
     return _once((i[:, 0] << 2 * _BITS) + (i[:, 1] << _BITS) + i[:, 2])
 
 
@@ -255,7 +255,7 @@ def _once(cells: IntArray) -> IntArray:
     return np.asarray(ordered[np.diff(ordered, prepend=-1) > 0])
 
 
-def _middles(cells: IntArray) -> Vectors:
+def middles_of(cells: IntArray) -> Vectors:
     """Return the centres of cells ``(n, 3)`` [m]."""
     i = np.stack([cells >> 2 * _BITS, cells >> _BITS, cells], axis=-1) & (2 * _HALF - 1)
-    return np.asarray(_CELL * (i - _HALF))
+    return np.asarray(CELL * (i - _HALF))

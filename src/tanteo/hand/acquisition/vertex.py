@@ -13,7 +13,7 @@ from tanteo.hand.acquisition.plane import acquire_plane
 from tanteo.hand.acquisition.run import Acquired, SensingRun, finish
 from tanteo.hand.motion.steering import Rules
 from tanteo.hand.robot import Robot
-from tanteo.sensors import RobotPreset
+from tanteo.sensors.presets import RobotPreset
 from tanteo.words.findings import EdgesMeet, EdgesPass, NotOneFeature, StepFailed
 
 ALONG = 0.035

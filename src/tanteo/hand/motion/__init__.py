@@ -5,3 +5,7 @@ log of all readings. Before every command, :class:`Steering` scales the velocity
 measures comes nearer than the clearance, and no part of the hand leaves its workspace. The package contains no
 estimation.
 """
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,8 +1,8 @@
 """Guarded motions: approach a surface up to a stand-off, retreat from it, align square to it, and follow it.
 
 The ranges of the two frontal sensors give the height ``h`` of the hand's front above the surface and the tilt ``a``
-about the axis perpendicular to the pair. :class:`~tanteo.hand.Loop` drives both to their references. The hand rotates
-about the surface point below its front, so that the tilt loop does not disturb the height loop.
+about the axis perpendicular to the pair. :class:`~tanteo.hand.motion.Loop` drives both to their references. The hand
+rotates about the surface point below its front, so that the tilt loop does not disturb the height loop.
 """
 
 from __future__ import annotations

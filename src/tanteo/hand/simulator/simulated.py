@@ -14,7 +14,10 @@ from tanteo.geometry.typing import FloatArray, Tangents, Transforms, Vectors
 from tanteo.hand.robot import FREE, HIT, LOST, NEAR, Hand, HandReading
 from tanteo.hand.simulator.scene import Scene
 from tanteo.hand.twists import advance
-from tanteo.sensors import RobotPreset, Status, blend, cone_rays, draw_aims, draw_base, draw_units, emit, error_model
+from tanteo.sensors import error_model
+from tanteo.sensors.emission import Status, draw_base, draw_units, emit
+from tanteo.sensors.noise import blend, cone_rays, draw_aims
+from tanteo.sensors.presets import RobotPreset
 
 _BLOCK = 256
 """Number of readings whose ray directions are drawn at once."""

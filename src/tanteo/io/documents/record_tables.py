@@ -15,7 +15,8 @@ from tanteo.io.documents.part_files import PartFile
 from tanteo.io.documents.schema import Place, Table, as_plain
 from tanteo.planning import Action, Observation, Probe, Sensing, Stop
 from tanteo.posterior import Priors
-from tanteo.sensors import Column, Readings, Rig, RobotPreset, SensorPreset, robot_preset, sensor_preset
+from tanteo.sensors import Column, Readings, Rig
+from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.words import Finding, message_of
 from tanteo.words.findings import REASONS, Stated
 
@@ -24,7 +25,7 @@ HERE = Place("record")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosePriors:
-    """Fields of a :class:`~tanteo.planning.Start` without its parts.
+    """Fields of a :class:`~tanteo.planning.start.Start` without its parts.
 
     Attributes:
         part: index of the part of each prior pose ``(n,)``.

@@ -18,9 +18,11 @@ from tanteo.words import Finding
 from tanteo.words.findings import NothingSeen
 
 if TYPE_CHECKING:
-    from tanteo.planning import Executed, Explanation, Visit
+    from tanteo.planning.execution import Executed, Visit
+    from tanteo.planning.explanation import Explanation
     from tanteo.posterior import Hypothesis
-    from tanteo.vision import Ellipse, Question, Sight, Sighting
+    from tanteo.vision import Question, Sight, Sighting
+    from tanteo.vision.ellipse_fit import Ellipse
 
 EMPTY = Answer("unknown", (NothingSeen(),), (), 1.0)
 """Answer for an image in which no object is found."""

@@ -32,7 +32,8 @@ from tanteo.io.documents.schema import (
     toml_lines,
 )
 from tanteo.replaced import replaced
-from tanteo.sensors import Rig, RigSensor, SensorPreset, sensor_preset
+from tanteo.sensors import Rig, RigSensor
+from tanteo.sensors.presets import SensorPreset, sensor_preset
 
 _FARTHEST = 2.0
 """Largest accepted distance of a sensor from the hand's origin [m]; larger values indicate a wrong unit."""

@@ -12,19 +12,9 @@ import numpy as np
 from tanteo.errors import PartError
 from tanteo.geometry import UncertainFrame
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms
-from tanteo.hand import (
-    Cell,
-    EdgeGuess,
-    FaceGuess,
-    ForbiddenBox,
-    Hand,
-    RoundGuess,
-    Scene,
-    Solid,
-    VertexGuess,
-    Workspace,
-    box,
-)
+from tanteo.hand import ForbiddenBox, Hand, Workspace
+from tanteo.hand.acquisition import EdgeGuess, FaceGuess, RoundGuess, VertexGuess
+from tanteo.hand.simulator import Cell, Scene, Solid, box
 from tanteo.io.documents.document import load_toml
 from tanteo.io.documents.part_files import read_one
 from tanteo.io.documents.scene_tables import BoxTable, CameraPaths, Document, SenseTable, SpaceTable

@@ -13,12 +13,14 @@ from msgspec import Meta
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms
-from tanteo.hand import Cell, EdgeGuess, FaceGuess, Hand, RoundGuess, Solid, VertexGuess, box, gripper_body
+from tanteo.hand import Hand, gripper_body
+from tanteo.hand.acquisition import EdgeGuess, FaceGuess, RoundGuess, VertexGuess
+from tanteo.hand.simulator import Cell, Solid, box
 from tanteo.io.documents.document import made
 from tanteo.io.documents.rig_file import read_rig
 from tanteo.io.documents.schema import Direction, Length, Numbers, Point, Posed, Table
 from tanteo.io.poses.prior_file import AngleSds, LengthSds
-from tanteo.sensors import robot_preset
+from tanteo.sensors.presets import robot_preset
 
 AHEAD = 0.06
 """Default distance of the face to sense in front of the hand [m]."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tanteo.io.documents.result_json import strict
-from tanteo.words import parameter_words
+from tanteo.words.sentences import parameter_words
 
 if TYPE_CHECKING:
-    from tanteo.sensors import BeamFit, Calibration, Rig, RigSensor
+    from tanteo.sensors import Rig, RigSensor
+    from tanteo.sensors.calibration import BeamFit, Calibration
 
 
 def calibration_document(found: Calibration) -> dict[str, Any]:

@@ -27,7 +27,10 @@ from tanteo.io.documents.result_json import recognition_document
 from tanteo.io.documents.schema import Place, as_plain, show
 from tanteo.io.documents.session_mcap import SUFFIX, is_mcap, record_text, write_mcap
 from tanteo.parts import RECORD, Part, read_whole
-from tanteo.planning import POLICIES, Candidates, Observation, Offers, Policy, Sensing, SensingState, Session, Start
+from tanteo.planning import POLICIES, Observation, Policy, Sensing, SensingState, Session
+from tanteo.planning.candidates import Candidates
+from tanteo.planning.start import Start
+from tanteo.planning.whole import Offers
 from tanteo.posterior import PreparedPart, prepare_all
 from tanteo.replaced import replaced
 

@@ -14,9 +14,12 @@ from tanteo.io.documents.result_json import covariance_document, document_json
 
 if TYPE_CHECKING:
     from tanteo.features import Feature
-    from tanteo.hand import Acquired, Predicted
-    from tanteo.parts import Part, RoundFeature
-    from tanteo.planning import Discrimination, Plan
+    from tanteo.hand import Predicted
+    from tanteo.hand.acquisition import Acquired
+    from tanteo.parts import Part
+    from tanteo.parts.faces import RoundFeature
+    from tanteo.planning import Plan
+    from tanteo.planning.discrimination import Discrimination
 
 
 def part_json(part: Part) -> str:
@@ -25,7 +28,8 @@ def part_json(part: Part) -> str:
     Args:
         part: part to write.
     """
-    from tanteo.parts import hole_patterns, round_features  # slow to import
+    from tanteo.parts import round_features
+    from tanteo.parts.faces import hole_patterns  # slow to import
 
     edges = part.edges
     planes = part.planes

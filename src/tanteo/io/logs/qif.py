@@ -21,7 +21,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from tanteo.features import CONE
+from tanteo.features.kinds import CONE
 from tanteo.geometry.typing import FloatArray
 from tanteo.io.logs.contents import Contents
 from tanteo.io.logs.log import Log, counted, unique

@@ -31,7 +31,8 @@ from tanteo.io.poses.camera_layouts import (
     region,
 )
 from tanteo.parts import read_whole
-from tanteo.vision import DISTORTION_COUNTS, USUAL_EDGE_SD, Camera, rigid
+from tanteo.vision import Camera
+from tanteo.vision.camera import DISTORTION_COUNTS, USUAL_EDGE_SD, rigid
 
 _FISHEYE = re.compile(r"fisheye|equidistant|kannala|\bomni|\bmei\b|\beucm\b|\bds\b|\bunified\b|\bfov\b")
 _RECTIFY = "Undistort the image first, and read it with the projection matrix of that (--rectified)."

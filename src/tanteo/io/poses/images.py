@@ -10,7 +10,7 @@ from tanteo.errors import InputError
 from tanteo.geometry.typing import FloatArray
 from tanteo.parts import RECORD, read_whole
 from tanteo.replaced import replaced
-from tanteo.vision import PIXELS, opencv
+from tanteo.vision.camera import PIXELS, opencv
 
 
 def read_image(path: str | Path) -> FloatArray:

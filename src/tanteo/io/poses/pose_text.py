@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.errors import InputError, did_you_mean
-from tanteo.geometry import SO3, UncertainFrame, as_gtsam_covariance, as_ros_covariance
+from tanteo.geometry import SO3, UncertainFrame, as_ros_covariance
+from tanteo.geometry.named import as_gtsam_covariance
 from tanteo.io.poses.poses import pose_as_brand, pose_from_brand
 from tanteo.io.readings.brands import BRANDS, Brand
 

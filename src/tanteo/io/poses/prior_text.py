@@ -9,12 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from tanteo.errors import InputError
-from tanteo.geometry import ROS, NamedCovariance, UncertainFrame, uncertain_frame
+from tanteo.geometry import ROS, UncertainFrame, uncertain_frame
+from tanteo.geometry.named import NamedCovariance
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.io.documents.part_files import read_one
 from tanteo.io.poses.pose_syntax import parse_pose
 from tanteo.io.readings.units import parse_lengths, parse_lengths_angles
-from tanteo.parts import is_unitless
+from tanteo.parts.readers import is_unitless
 from tanteo.posterior import Furniture, Table
 
 _NEAR = "400,200,0mm 0,0,90deg +- 5mm 3deg"

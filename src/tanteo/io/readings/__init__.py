@@ -1,1 +1,5 @@
 """Readers of measured readings: tables, logs, bags and marks."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

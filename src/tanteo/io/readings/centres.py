@@ -9,7 +9,8 @@ import numpy as np
 
 from tanteo.errors import ReadingsError
 from tanteo.geometry.typing import BoolArray, Vectors
-from tanteo.sensors import SIZES, ReadingKind, centre_notes, reading_kind
+from tanteo.sensors import reading_kind
+from tanteo.sensors.kinds import SIZES, ReadingKind, centre_notes
 
 _AXIS_SD = np.radians(1.0)
 """Standard deviation assumed for an axis without a stated one [rad]."""

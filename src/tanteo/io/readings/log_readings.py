@@ -12,7 +12,8 @@ from tanteo.io.poses.poses import pose_from_brand
 from tanteo.io.readings.assembling import assemble
 from tanteo.io.readings.stated import Stated
 from tanteo.io.readings.units import length_unit
-from tanteo.sensors import SIZES, Readings, reading_kind
+from tanteo.sensors import Readings, reading_kind
+from tanteo.sensors.kinds import SIZES
 
 _EXAMPLES = {
     "--units": "--units mm",

@@ -15,7 +15,8 @@ from tanteo.io.readings.cells import Numbers, Sheet
 from tanteo.io.readings.columns import DIRECTION, NORMAL, OUTWARD, POINT, Column
 from tanteo.io.readings.hand_columns import hand_poses, skewed_row, stated_brand
 from tanteo.io.readings.stated import Stated
-from tanteo.sensors import Readings, reading_kinds
+from tanteo.sensors import Readings
+from tanteo.sensors.kinds import reading_kinds
 
 _OF_HOLES = "centres of holes and bosses are of kind circle, with side hole or boss"
 _MEANT = {

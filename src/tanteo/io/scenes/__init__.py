@@ -8,3 +8,7 @@ stay in the scene::
     session, robot, rules = session_of(scene, start, Stop(tolerance=1e-3))
     done = sense_part(session, robot, rules, furniture=furniture_of(scene), errors=scene.cell.robot)
 """
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -8,7 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.hand import SENSE, Acquired, ForbiddenBox, Predicted, Rules, SimulatedHand, clearances, predicted
+from tanteo.hand import ForbiddenBox, Predicted, predicted
+from tanteo.hand.acquisition import SENSE, Acquired
+from tanteo.hand.motion import Rules
+from tanteo.hand.simulator import SimulatedHand, clearances
 from tanteo.io.documents.scene_file import SceneFile
 from tanteo.parts import Part
 from tanteo.posterior import Hypothesis

@@ -8,22 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tanteo.hand import ForbiddenBox, Rules, Scene, SimulatedHand, Workspace
+from tanteo.hand import ForbiddenBox, Workspace
+from tanteo.hand.motion import Rules
+from tanteo.hand.simulator import Scene, SimulatedHand
 from tanteo.io.documents.scene_file import SceneFile
 from tanteo.parts import Part
-from tanteo.planning import (
-    Furniture,
-    Sensing,
-    Session,
-    Start,
-    Stop,
-    acquirable,
-    at_place,
-    hand_probe,
-    policy_named,
-    reachable,
-    seen_start,
-)
+from tanteo.planning import Furniture, Sensing, Session, Stop, at_place, hand_probe, policy_named
+from tanteo.planning.execution import acquirable, reachable, seen_start
+from tanteo.planning.start import Start
 from tanteo.posterior import PosePrior, PreparedPart, Priors, prepare_all
 
 if TYPE_CHECKING:

@@ -10,14 +10,18 @@ import numpy as np
 from tanteo.errors import DegenerateError, InputError
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
-from tanteo.hand import Scene
+from tanteo.hand.simulator import Scene
 from tanteo.io.documents.scene_file import SceneFile
 from tanteo.io.poses.camera_file import read_camera
 from tanteo.io.poses.images import read_image
 from tanteo.io.readings.marks_csv import read_marks
 from tanteo.parts import Part
-from tanteo.planning import HYPOTHESES, Start, part_seen
-from tanteo.vision import Camera, CameraPose, RenderedObject, Sighting, Stage, fit_camera, render, see_table, silhouette
+from tanteo.planning.execution import HYPOTHESES, part_seen
+from tanteo.planning.start import Start
+from tanteo.vision import Camera, Sighting, render, see_table
+from tanteo.vision.regions import silhouette
+from tanteo.vision.rendering import RenderedObject, Stage
+from tanteo.vision.table import CameraPose, fit_camera
 
 RENDER = "render"
 """Image argument for a rendering of the scene by the simulator, instead of a file."""

@@ -14,8 +14,10 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Covariances, FloatArray, Rotations, Transforms, Vectors
-from tanteo.parts import Surface, ball_contact
-from tanteo.posterior import box_corners, point_moves
+from tanteo.parts import Surface
+from tanteo.parts.shapes import ball_contact
+from tanteo.posterior import box_corners
+from tanteo.posterior.answers import point_moves
 
 if TYPE_CHECKING:
     from tanteo.parts import Part

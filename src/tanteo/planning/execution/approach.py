@@ -6,7 +6,9 @@ import numpy as np
 
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import BoolArray, Transforms, Vectors
-from tanteo.hand import Hand, path, pose_difference
+from tanteo.hand import Hand
+from tanteo.hand.motion import path
+from tanteo.hand.twists import pose_difference
 from tanteo.planning.candidates import Candidates
 from tanteo.planning.execution.possible import FreeSpace
 from tanteo.planning.state import SensingState
@@ -94,7 +96,7 @@ _LIFTS = (0.0, 0.1)
 
 
 def approach_path(hand: Hand, T_from: Transforms, T_to: Transforms) -> Transforms:
-    """Return poses ``(n, 4, 4)`` on the path of :func:`tanteo.hand.go_to`, dense enough to check for collisions.
+    """Return poses ``(n, 4, 4)`` on the path of :func:`tanteo.hand.motion.go_to`, dense enough to check for collisions.
 
     Args:
         hand: sensors and body of the hand.

@@ -9,7 +9,9 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, Transforms
-from tanteo.hand import SENSE, Hand, Motion, Robot, Rules, go_to
+from tanteo.hand import Hand, Robot
+from tanteo.hand.acquisition import SENSE
+from tanteo.hand.motion import Motion, Rules, go_to
 from tanteo.planning.candidates import Candidates
 from tanteo.planning.execution.approach import approach_poses, feasible, ranked, route
 from tanteo.planning.execution.possible import FreeSpace, PossiblePoses
@@ -20,7 +22,7 @@ from tanteo.planning.session.action import Action
 from tanteo.planning.session.conversation import Session
 from tanteo.planning.session.values import Done, Step
 from tanteo.planning.state import SensingState
-from tanteo.sensors import RobotPreset
+from tanteo.sensors.presets import RobotPreset
 from tanteo.words import Finding, message_of
 from tanteo.words.findings import BeamsFree, FurnitureHit, NoClearPath, NoEcho, NothingToAcquire
 

@@ -15,7 +15,8 @@ from tanteo.planning.execution.possible import OFF, PossiblePoses
 from tanteo.planning.predictions import predict
 from tanteo.planning.samples import draw
 from tanteo.planning.state import SensingState
-from tanteo.sensors import Column, PointMeasurements, Readings, Rig, RobotPreset, error_model, measure
+from tanteo.sensors import Column, PointMeasurements, Readings, Rig, error_model, measure
+from tanteo.sensors.presets import RobotPreset
 
 _NEAR, _FORM = 4.0, 1e-3
 """Largest distance of a reading from furniture to which it may belong: a multiple of the standard deviation, plus a

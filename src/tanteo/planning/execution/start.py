@@ -10,12 +10,14 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
-from tanteo.hand import Hand, Rules
+from tanteo.hand import Hand
+from tanteo.hand.motion import Rules
 from tanteo.parts import Part
 from tanteo.planning.probe import Probe
 from tanteo.planning.start import Start, from_hypotheses
 from tanteo.posterior import Alternatives, NormalPoses, PoseMixture, PreparedPart
-from tanteo.sensors import NoiseLaw, RobotPreset, error_model
+from tanteo.sensors import error_model
+from tanteo.sensors.presets import NoiseLaw, RobotPreset
 from tanteo.vision import Sight, Sighting
 
 _CONE = float(np.radians(70.0))

@@ -8,3 +8,7 @@ only object of this package with a state. It opens no file and moves no hand::
         session.tell(action.read(measured_range))
     print(session.answer().message)
 """
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -14,7 +14,8 @@ from tanteo.planning.probe import Probe
 from tanteo.planning.session.values import Sensing
 from tanteo.planning.shared import SharedAhead
 from tanteo.planning.state import SensingState
-from tanteo.posterior import dominant_shared_error, goodness_of_fit
+from tanteo.posterior import dominant_shared_error
+from tanteo.posterior.fit_at_mode import goodness_of_fit
 from tanteo.sensors import Column, PointMeasurements, Readings
 from tanteo.words.findings import SharedErrorLimits
 

@@ -17,21 +17,18 @@ from tanteo.planning.session.values import Observation, Step
 from tanteo.planning.state import SensingState
 from tanteo.planning.stopping import Stop, largest_corner_sd
 from tanteo.posterior import (
-    CONFIDENCE,
     Answer,
-    GoodnessOfFit,
     Hypothesis,
     PosePrior,
     Status,
     as_hypothesis,
-    doubt,
     face_elsewhere,
-    goodness_of_fit,
     p_of_prior,
-    prior_residuals,
     verdict,
     worst_reading,
 )
+from tanteo.posterior.answers import CONFIDENCE, doubt, prior_residuals
+from tanteo.posterior.fit_at_mode import GoodnessOfFit, goodness_of_fit
 from tanteo.words.findings import (  # fmt: skip
     EmptySpace,
     Finding,

@@ -12,7 +12,8 @@ from tanteo.geometry.limits import LEAST_SD, check_length
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.planning.probe import Probe
 from tanteo.planning.session.action import Action
-from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
+from tanteo.sensors import PointMeasurements, Readings, Rig, measure
+from tanteo.sensors.presets import RobotPreset, SensorPreset
 from tanteo.words import Finding, message_of
 
 
@@ -90,7 +91,7 @@ class Done:
 
     Example:
         >>> from tanteo.words import findings
-        >>> tanteo.Done(False, (findings.ReadingLimit(allowed=30, made=30),)).message
+        >>> tanteo.planning.Done(False, (findings.ReadingLimit(allowed=30, made=30),)).message
         'The limit of readings is reached: 30 were allowed, and 30 were made.'
     """
 

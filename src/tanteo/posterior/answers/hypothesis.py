@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.fitting import SharedGiven, describe_motion
+from tanteo.fitting.localization import SharedGiven, describe_motion
 from tanteo.geometry.typing import Covariances, Tangents, Transforms
 from tanteo.parts import Part
 from tanteo.posterior.answers.misfit import Misfit

@@ -14,10 +14,8 @@ _REACH, _STEPS = 4.0, 41
 of terms. The density is exp(-16) at the ends."""
 
 
-def _prior_information() -> float:
-    """Return one over the variance of the density proportional to exp(-z^4 / 16), the prior of the noise scale."""
-    return math.gamma(0.25) / (4 * math.gamma(0.75))
-
+_PRIOR_INFORMATION = math.gamma(0.25) / (4 * math.gamma(0.75))
+"""Definition: one over the variance of the density proportional to exp(-z^4 / 16), the prior of the noise scale."""
 
 _ENOUGH = 60
 """Numerical: Newton steps on a convex function of one number, which converges from anywhere long before."""
@@ -79,7 +77,7 @@ class Misfit:
         dof, unit, z = max(self.noise_dof, 0.0), self.log_factor, 0.0
         for _ in range(_ENOUGH):
             scaled = self.noise * math.exp(-2 * unit * z)
-            curved = 2 * scaled * unit**2 + max(0.75 * z * z, _prior_information())
+            curved = 2 * scaled * unit**2 + max(0.75 * z * z, _PRIOR_INFORMATION)
             z += max(min(((scaled - dof) * unit - z**3 / 4) / curved, 1.0), -1.0)
         sd = curved**-0.5
         low, likeliest, high = (math.exp(unit * (z + k * sd)) for k in (-1.96, 0.0, 1.96))

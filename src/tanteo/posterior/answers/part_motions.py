@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.fitting import describe_motion, motion_scale
+from tanteo.fitting.localization import describe_motion, motion_scale
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Covariances, FloatArray, Tangents, Transforms
 from tanteo.parts import Part

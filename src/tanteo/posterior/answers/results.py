@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from tanteo.defaults import SIGNIFICANCE
-from tanteo.fitting import SharedGiven
+from tanteo.fitting.localization import SharedGiven
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.words import Finding, Motion, message_of
 

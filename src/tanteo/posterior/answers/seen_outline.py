@@ -167,7 +167,8 @@ _Table: TypeAlias = tuple[Any, Any, Any, Any]
 
 def _tables(parts: Sequence[Any]) -> Iterator[_Table]:
     """Yield hulls, stable poses and their first rows for tables of parts; those of a catalogue are memory-mapped."""
-    from tanteo.catalogue import Catalogue, hull_points, stable_pose_rows
+    from tanteo.catalogue import Catalogue
+    from tanteo.catalogue.stability import hull_points, stable_pose_rows
 
     if isinstance(parts, Catalogue):
         for segment in parts.segments:

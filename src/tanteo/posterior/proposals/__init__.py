@@ -1,8 +1,5 @@
 """Initial poses of maximizations: proposers, their registry, and tables that bound the evidence of many parts."""
 
-from tanteo.posterior.proposals.built_in import FactorPoses
-from tanteo.posterior.proposals.drawn import PriorSamples
-from tanteo.posterior.proposals.proposer import BITS, InitialPoses, Proposer, SearchState
-from tanteo.posterior.proposals.registry import PROPOSERS, proposers
+from lazy_loader import attach_stub
 
-__all__ = ["BITS", "PROPOSERS", "FactorPoses", "InitialPoses", "PriorSamples", "Proposer", "SearchState", "proposers"]
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -13,7 +13,8 @@ from itertools import combinations
 import numpy as np
 
 from tanteo import _core
-from tanteo.factors import ContactPoints, numbered_landmarks
+from tanteo.factors import ContactPoints
+from tanteo.factors.factor import numbered_landmarks
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Indices, IntArray, Transforms, Vectors
 from tanteo.parts import Part
@@ -184,9 +185,9 @@ def _refined(
     Centres leave the height open, so the nearest surface of a point may be a face on the wrong side. Each pose is also
     tried after slides along the holes, up and down.
     """
-    rows: Indices = np.concatenate(
-        [_some(np.flatnonzero(kind), axes.settings.few_points) for kind in (points.centres, ~points.centres)]
-    )
+    both = (np.flatnonzero(points.centres), np.flatnonzero(~points.centres))
+    few = axes.settings.few_points  # evenly spaced rows of either kind
+    rows: Indices = np.concatenate([r[np.linspace(0, len(r) - 1, min(len(r), few)).astype(int)] for r in both])
     along = axes.ends[:, 1] - axes.ends[:, 0]
     deep = float(np.median(np.linalg.norm(along, axis=1)))
     slides = np.tile(np.eye(4), (3, 1, 1))
@@ -197,8 +198,3 @@ def _refined(
     scales = np.geomspace(max(deep, end), end, count)
     refined, *_ = _core.refine_poses(prepared.shape, core, rows.astype(np.int32), scales, np.ascontiguousarray(Ts))
     return np.asarray(refined)
-
-
-def _some(rows: IntArray, count: int) -> IntArray:
-    """Return evenly spaced rows."""
-    return rows[np.linspace(0, len(rows) - 1, min(len(rows), count)).astype(int)]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tanteo import _core
-from tanteo.catalogue import LEVELS
+from tanteo.catalogue.signatures import LEVELS
 from tanteo.factors import ContactPoints
 from tanteo.geometry.typing import FloatArray, Indices, IntArray, Transforms
 from tanteo.posterior.candidates import Candidates

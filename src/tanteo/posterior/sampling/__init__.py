@@ -1,1 +1,5 @@
 """Modes of the posterior, and importance sampling of them."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.factors import ContactPoints
-from tanteo.fitting import covariance_with_free, pose_information, weak_motions
+from tanteo.fitting.localization import covariance_with_free, pose_information, weak_motions
 from tanteo.geometry import SO3
 from tanteo.geometry.typing import Covariances, FloatArray, Tangents
 from tanteo.posterior.answers.part_motions import part_scale, symmetry_motions, without_symmetry

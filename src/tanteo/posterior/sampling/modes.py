@@ -154,9 +154,9 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
         xi = SE3.log(SE3.inverse(T) @ Ts)
     expected = region.expected * (curved + np.outer(mean, mean))
     empirical = ((rest[:, None] * xi).T @ xi + expected) / region.mass
-    covariance = _covariance(empirical, curved, region.ess, sampler.settings.min_fraction)
+    covariance = covariance_of_samples(empirical, curved, region.ess, sampler.settings.min_fraction)
     if not region.is_normal or objective.problem.scale_sd > 0:
-        covariance = covariance * _beyond_normal(xi, w, covariance)
+        covariance = covariance * beyond_normal(xi, w, covariance)
     return Mode(
         objective, T, covariance, T_peak, peaks.zs[best], to_origin(objective, peaks.information[best]),
         float(np.log(region.mass)) + top, 0.0, Ts,
@@ -164,7 +164,7 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     )  # fmt: skip
 
 
-def _covariance(empirical: Covariances, curved: Covariances, ess: float, least: float) -> Covariances:
+def covariance_of_samples(empirical: Covariances, curved: Covariances, ess: float, least: float) -> Covariances:
     """Return a covariance from that of the samples and that of the curvature at the maximum.
 
     Few samples miss some of six directions. On average the inverse of their covariance is too large, so regions of a
@@ -178,7 +178,7 @@ def _covariance(empirical: Covariances, curved: Covariances, ess: float, least: 
     return np.asarray(out * (1 + (POSE_DOF + 2) / max(ess - POSE_DOF - 2, POSE_DOF + 2)), dtype=np.float64)
 
 
-def _beyond_normal(xi: FloatArray, weights: FloatArray, covariance: Covariances) -> float:
+def beyond_normal(xi: FloatArray, weights: FloatArray, covariance: Covariances) -> float:
     """Return the factor on a covariance by which its 95 % region holds 95 % of the samples, at least 1."""
     z = np.linalg.solve(roots(covariance[None])[0], xi.T)
     gaps = np.sum(z * z, axis=0)

@@ -14,7 +14,8 @@ import numpy as np
 from tanteo.features import shared_root
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
-from tanteo.parts import NamedFace, Part, Surface, exact_faces, named_class, named_feature, signed_distance
+from tanteo.parts import NamedFace, Part, Surface, named_class, named_feature, signed_distance
+from tanteo.parts.faces import exact_faces
 from tanteo.planning import Sensing
 from tanteo.posterior import Hypothesis, PosePrior
 from tanteo.sensors import Column, PointMeasurements, Readings

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.planning import Added, Session, Step, Stop
+from tanteo.planning import Session, Step, Stop
+from tanteo.planning.explanation import Added
 from tanteo.render.html.charts import SHARES, STYLES, Curve, bar, curve_chart, lengths_scale
 from tanteo.render.html.page import Html, Section, element, join, table
 from tanteo.render.html.words import MM, uncertain

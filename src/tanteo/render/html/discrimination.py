@@ -9,7 +9,8 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.parts import Part
-from tanteo.planning import Discrimination, Probe
+from tanteo.planning import Probe
+from tanteo.planning.discrimination import Discrimination
 from tanteo.posterior import box_corners
 from tanteo.render.html.answered import Layer, picture, switch_row
 from tanteo.render.html.page import Front, Html, Section, element, fact_list, join, make_page, table

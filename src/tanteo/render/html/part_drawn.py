@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.geometry.typing import FloatArray, IntArray
-from tanteo.parts import Part, Surface, mesh_edges
+from tanteo.parts import Part, Surface
+from tanteo.parts.readers import mesh_edges
 
 _MOST_TRIANGLES, _MOST_LINES = 40_000, 12_000
 """Largest numbers for all parts of a page together, which limit the page to about 2 MB."""

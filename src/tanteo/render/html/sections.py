@@ -8,8 +8,8 @@ import numpy as np
 
 from tanteo.geometry import SO3
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
-from tanteo.planning import Direction
-from tanteo.posterior import prior_rows
+from tanteo.planning.explanation import Direction
+from tanteo.posterior.answers import prior_rows
 from tanteo.render.html.charts import residual_chart
 from tanteo.render.html.contacts import Sensed
 from tanteo.render.html.page import Html, Section, element, join, per_hypothesis, table

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import SideError
-from tanteo.features import CIRCLE, Feature, outline, outlines_off
+from tanteo.features import Feature, outline, outlines_off
+from tanteo.features.kinds import CIRCLE
 from tanteo.fitting import fit_labelled, given_round
 from tanteo.geometry.typing import FloatArray
 from tanteo.sensors import PointMeasurements, reading_kind

@@ -14,7 +14,7 @@ import numpy as np
 from tanteo.features import shared_root
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.posterior import corner_moves, part_scale, prior_rows, symmetry_motions
+from tanteo.posterior.answers import corner_moves, part_scale, prior_rows, symmetry_motions
 from tanteo.render.html.contacts import Contacts, Sensed
 
 _KNOWN = 0.3

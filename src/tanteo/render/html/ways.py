@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, Tangents, Transforms
 from tanteo.parts import Part
-from tanteo.posterior import corner_moves, motion_of
+from tanteo.posterior.answers import corner_moves, motion_of
 from tanteo.words import Motion
 
 _LEVELS = (1, 2, 3)

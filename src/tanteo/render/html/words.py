@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.parts import Part
-from tanteo.posterior import Answer, Hypothesis, corner_sd
+from tanteo.posterior import Answer, Hypothesis
+from tanteo.posterior.answers import corner_sd
 from tanteo.render.html.contacts import Sensed
 from tanteo.words import from_surface, headline_of, p_equals
 

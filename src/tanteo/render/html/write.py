@@ -45,7 +45,7 @@ def report_page(answer: Answer, sensed: Sensed, parts: Sequence[Part], run: Run,
 
     Args:
         answer: answer to report.
-        sensed: readings of the answer, see :func:`tanteo.render.gather`.
+        sensed: readings of the answer, see :func:`tanteo.render.html.gather`.
         parts: candidate parts, at least those of the hypotheses.
         run: origin of the answer.
         more: further sections before the figures.

@@ -4,3 +4,7 @@ A :class:`Snapshot` is a session at one moment. ``drawing`` converts it to primi
 a browser. :class:`Player` runs a :class:`Show` on any :class:`Page`; :func:`play` and :func:`replay` open a page of
 viser (extra ``viewer``), which they import.
 """
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

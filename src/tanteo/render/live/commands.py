@@ -8,7 +8,8 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import IntArray, Vectors
-from tanteo.planning import Action, Candidates, Probe, SensingState, Session, has_clearance, within_cone
+from tanteo.planning import Action, Probe, SensingState, Session, has_clearance
+from tanteo.planning.candidates import Candidates, within_cone
 from tanteo.words.findings import ChosenByUser, ClickFailed
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 
-from tanteo.hand import HandReading, Solid
+from tanteo.hand import HandReading
+from tanteo.hand.simulator import Solid
 from tanteo.planning import Done, Step
 from tanteo.render.live import drawing, panel
 from tanteo.render.live.primitives import Primitive
@@ -76,7 +77,7 @@ class Opponent:
         self._resting.wait()
 
     def place(self, note: str) -> None:
-        """Wait for the next turn after a reading (see :class:`tanteo.render.Watch`).
+        """Wait for the next turn after a reading (see :class:`tanteo.render.live.Watch`).
 
         Args:
             note: remarks on the reading, which are not shown.

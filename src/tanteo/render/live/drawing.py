@@ -9,7 +9,8 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms
-from tanteo.hand import FREE, HIT, Body, Hand, HandReading, Solid
+from tanteo.hand import FREE, HIT, Body, Hand, HandReading
+from tanteo.hand.simulator import Solid
 from tanteo.parts import Part
 from tanteo.render.html.part_drawn import Drawn, draw_part
 from tanteo.render.live import colors

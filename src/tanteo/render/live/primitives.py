@@ -14,7 +14,8 @@ from trimesh.creation import icosphere
 
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
 from tanteo.hand import Body
-from tanteo.parts import Surface, mesh_edges
+from tanteo.parts import Surface
+from tanteo.parts.readers import mesh_edges
 
 Colour = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""

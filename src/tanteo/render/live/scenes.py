@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from tanteo.hand import Scene
-from tanteo.io import SceneFile, furniture_of, session_of
-from tanteo.planning import Session, Start, Stop, policy_named
+from tanteo.hand.simulator import Scene
+from tanteo.io.documents import SceneFile
+from tanteo.io.scenes import furniture_of, session_of
+from tanteo.planning import Session, Stop, policy_named
+from tanteo.planning.start import Start
 from tanteo.render.live.shows import Show, hand_show, laser, probe_show, simulated
 
 

@@ -9,10 +9,13 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from tanteo.geometry.typing import Tangents
-from tanteo.hand import Hand, HandReading, Robot, Rules, Solid, Workspace
+from tanteo.hand import Hand, HandReading, Robot, Workspace
+from tanteo.hand.motion import Rules
+from tanteo.hand.simulator import Solid
 from tanteo.parts import Surface
 from tanteo.planning import Action, Done, Furniture, Probe, Sensing, Session, sense_part
-from tanteo.sensors import NoiseLaw, Readings, RobotPreset
+from tanteo.sensors import Readings
+from tanteo.sensors.presets import NoiseLaw, RobotPreset
 
 
 class Watch(Protocol):

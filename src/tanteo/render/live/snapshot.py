@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
-from tanteo.hand import Solid
+from tanteo.hand.simulator import Solid
 from tanteo.parts import Surface
 from tanteo.planning import Action, Done, SensingState, Session, Step
 from tanteo.render.html.shapes import Shapes, shapes_of

@@ -21,7 +21,7 @@ from tanteo.render.live.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from tanteo.hand import Hand, HandReading
-    from tanteo.planning import Start
+    from tanteo.planning.start import Start
     from tanteo.render.live.page import LivePage
 
 

@@ -11,3 +11,7 @@ A :class:`Layout` has the width of tables and the style of headings; without one
     for line in answer_lines(tanteo.identify(readings, parts, sd=0.3e-3)):
         print(line)
 """
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

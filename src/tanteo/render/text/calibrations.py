@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.render.text.layout import PLAIN, Layout, printable
-from tanteo.words import parameter_words
+from tanteo.words.sentences import parameter_words
 
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray
-    from tanteo.sensors import BeamFit, Calibration, Outlier
+    from tanteo.sensors.calibration import BeamFit, Calibration, Outlier
 
 _MOST_OUTLIERS = 12
 _RANGES, _ANGLE_STEP = 6, 15.0

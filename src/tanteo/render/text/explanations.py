@@ -9,7 +9,7 @@ from tanteo.render.text.layout import PLAIN, Layout
 from tanteo.words import percent
 
 if TYPE_CHECKING:
-    from tanteo.planning import Added, Direction, Explanation
+    from tanteo.planning.explanation import Added, Direction, Explanation
 
 _NOTABLE = 0.05
 """Smallest fraction of the information about a direction for which a reading is named."""

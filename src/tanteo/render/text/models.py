@@ -9,7 +9,8 @@ import numpy as np
 from tanteo.render.text.layout import PLAIN, Layout, printable
 
 if TYPE_CHECKING:
-    from tanteo.parts import HolePattern, Part
+    from tanteo.parts import Part
+    from tanteo.parts.faces import HolePattern
 
 _MOST_ROWS = 20
 
@@ -92,7 +93,8 @@ def _tables(part: Part) -> list[tuple[str, list[str], list[list[str]]]]:
 
 def _holes(part: Part) -> list[tuple[str, list[str], list[list[str]]]]:
     """Return holes, bosses and patterns of holes."""
-    from tanteo.parts import hole_patterns, round_features  # slow to import
+    from tanteo.parts import round_features
+    from tanteo.parts.faces import hole_patterns  # slow to import
 
     return [
         (

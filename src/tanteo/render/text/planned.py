@@ -10,7 +10,8 @@ from tanteo.render.text.layout import PLAIN, Layout, printable
 
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray, Vectors
-    from tanteo.planning import Discrimination, Plan, Probe
+    from tanteo.planning import Plan, Probe
+    from tanteo.planning.discrimination import Discrimination
 
 
 def plan_lines(

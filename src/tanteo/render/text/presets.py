@@ -9,7 +9,8 @@ import numpy as np
 
 from tanteo.geometry.typing import FloatArray
 from tanteo.render.text.layout import PLAIN, Layout, printable
-from tanteo.sensors import Device, Rig, RigSensor, RobotPreset, SensorPreset
+from tanteo.sensors import Device, Rig, RigSensor
+from tanteo.sensors.presets import RobotPreset, SensorPreset
 
 _KEY = "V stated in the source, C computed from the source, M from memory, A assumed"
 _COLUMNS = 6

@@ -8,15 +8,16 @@ import numpy as np
 
 from tanteo.features import feature_covariance, relate_size
 from tanteo.geometry import SO3
-from tanteo.hand import EdgeGuess, FaceGuess, RoundGuess
+from tanteo.hand.acquisition import EdgeGuess, FaceGuess, RoundGuess
 from tanteo.render.text.answers import answer_lines
 from tanteo.render.text.layout import PLAIN, Layout, printable
-from tanteo.words import acquisition_message
+from tanteo.words.sentences import acquisition_message
 
 if TYPE_CHECKING:
     from tanteo.features import Feature
-    from tanteo.hand import Acquired, Predicted
-    from tanteo.planning import Executed, Visit
+    from tanteo.hand import Predicted
+    from tanteo.hand.acquisition import Acquired
+    from tanteo.planning.execution import Executed, Visit
     from tanteo.posterior import Answer
 
 

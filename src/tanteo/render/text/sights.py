@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tanteo.io import EMPTY
+from tanteo.io.documents import EMPTY
 from tanteo.render.text.answers import answer_lines
 from tanteo.render.text.layout import PLAIN, Layout, printable
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import ReadingsError
-from tanteo.features import PLANE
+from tanteo.features.kinds import PLANE
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.sensors.kinds import reading_kind
 from tanteo.sensors.presets import NoiseLaw

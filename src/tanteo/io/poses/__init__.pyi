@@ -1,0 +1,12 @@
+from .pose_syntax import parse_pose as parse_pose
+from .pose_text import POSE_NAMES as POSE_NAMES
+from .pose_text import check_pose_name as check_pose_name
+from .prior_file import prior_brand as prior_brand
+from .prior_text import parse_box as parse_box
+from .prior_text import parse_pose_prior as parse_pose_prior
+from .prior_text import parse_table as parse_table
+from .prior_text import read_furniture as read_furniture
+from .work_frames import WorkFrame as WorkFrame
+from .work_frames import WrittenFrame as WrittenFrame
+from .work_frames import parse_work_frame as parse_work_frame
+from .work_frames import write_work_frame as write_work_frame

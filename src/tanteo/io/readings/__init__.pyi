@@ -1,0 +1,13 @@
+from .brands import Brand as Brand
+from .factor_file import FACTORS as FACTORS
+from .factor_file import read_factor as read_factor
+from .readings_file import format_names as format_names
+from .readings_file import read_shifted as read_shifted
+from .ros_readings import placing as placing
+from .ros_readings import readings_of_messages as readings_of_messages
+from .stated import Direction as Direction
+from .stated import Stated as Stated
+from .stated import parse_direction as parse_direction
+from .units import parse_angle as parse_angle
+from .units import parse_length as parse_length
+from .units import parse_lengths as parse_lengths

@@ -1,0 +1,11 @@
+from .elements import Face as Face
+from .elements import ModelEdges as ModelEdges
+from .elements import ModelPlanes as ModelPlanes
+from .elements import ModelVertices as ModelVertices
+from .elements import SymmetryGroup as SymmetryGroup
+from .facets import FLOAT32 as FLOAT32
+from .patterns import HolePattern as HolePattern
+from .patterns import hole_patterns as hole_patterns
+from .rounds import RoundFeature as RoundFeature
+from .rounds import centred_faces as centred_faces
+from .surfaces import exact_faces as exact_faces

@@ -1,0 +1,16 @@
+from .building import mirror_part as mirror_part
+from .files import LARGEST_FILE as LARGEST_FILE
+from .files import METRES as METRES
+from .files import check_file as check_file
+from .files import unit_name as unit_name
+from .from_mesh import checked_mesh as checked_mesh
+from .from_mesh import part_of_mesh as part_of_mesh
+from .readers import CAD_READERS as CAD_READERS
+from .readers import CadMesh as CadMesh
+from .readers import CadReader as CadReader
+from .readers import is_unitless as is_unitless
+from .readers import readable_suffixes as readable_suffixes
+from .reading import as_part as as_part
+from .topology import components as components
+from .topology import mesh_edges as mesh_edges
+from .topology import near_groups as near_groups

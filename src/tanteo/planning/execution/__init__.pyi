@@ -1,0 +1,17 @@
+from .approach import approach_path as approach_path
+from .approach import approach_poses as approach_poses
+from .approach import retreated_poses as retreated_poses
+from .approach import route as route
+from .loop import Executed as Executed
+from .loop import Visit as Visit
+from .loop import reachable as reachable
+from .possible import FreeSpace as FreeSpace
+from .possible import PossiblePoses as PossiblePoses
+from .resting import as_readings as as_readings
+from .resting import beyond_furniture as beyond_furniture
+from .resting import of_parts as of_parts
+from .start import HYPOTHESES as HYPOTHESES
+from .start import part_seen as part_seen
+from .start import prior_poses as prior_poses
+from .start import seen_start as seen_start
+from .whole import acquirable as acquirable

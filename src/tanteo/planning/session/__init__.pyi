@@ -1,0 +1,2 @@
+from .answer import answered as answered
+from .answer import moved as moved

@@ -1,0 +1,11 @@
+from . import centre_votes as centre_votes
+from . import plane_votes as plane_votes
+from . import sensed_planes as sensed_planes
+from .built_in import FactorPoses as FactorPoses
+from .drawn import PriorSamples as PriorSamples
+from .proposer import BITS as BITS
+from .proposer import InitialPoses as InitialPoses
+from .proposer import Proposer as Proposer
+from .proposer import SearchState as SearchState
+from .registry import PROPOSERS as PROPOSERS
+from .registry import proposers as proposers

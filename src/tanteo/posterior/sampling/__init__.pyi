@@ -1,0 +1,5 @@
+from . import control_variate as control_variate
+from . import modes as modes
+from . import peaks as peaks
+from . import sampler as sampler
+from . import widths as widths

@@ -1,0 +1,5 @@
+from .result import BeamFit as BeamFit
+from .result import Calibration as Calibration
+from .result import Outlier as Outlier
+from .result import plane_angle as plane_angle
+from .rig import calibrated_rig as calibrated_rig
