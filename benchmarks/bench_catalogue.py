@@ -72,7 +72,7 @@ class Outcome:
         return best
 
     def rates(self) -> tuple[str, ...]:
-        """Of the scenes: the right part kept, right, among several, left open, wrong and sure."""
+        """Return the rates of: right part kept, right, among several, undecided, wrong and sure."""
         n = len(self.cpu)
         return (
             f"{100 * self.kept / n:.1f} %", f"{100 * self.right / n:.0f} %", f"{100 * self.among / n:.0f} %",
@@ -108,7 +108,7 @@ def points_on(part: Part, triangles: np.ndarray, n: int, rng: np.random.Generato
 
 
 def scene(part: Part, kind: str, rng: np.random.Generator, sd: float = SD) -> ContactPoints:
-    """What is sensed of a part at a random pose."""
+    """Return the readings of a part at a random pose."""
     if kind in BORES:
         return bores(part, rng, sized=kind == "holes")
     labels: tuple[str, ...] = ()
@@ -160,7 +160,13 @@ def bores(part: Part, rng: np.random.Generator, *, sized: bool) -> ContactPoints
 
 
 def run(
-    catalogue: tanteo.catalogue.Catalogue, kind: str, scenes: int, seed: int = 1, *, sd: float = SD, say: bool = False
+    catalogue: tanteo.catalogue.Catalogue,
+    kind: str,
+    scenes: int,
+    seed: int = 1,
+    *,
+    sd: float = SD,
+    verbose: bool = False,
 ) -> Outcome:
     """Scenes of parts that are drawn from all."""
     out = Outcome()
@@ -179,7 +185,7 @@ def run(
         out.cpu.append(time.process_time() - begun)
         shares, unknown = shares_of(answer), answer.unknown_probability
         best = out.count(part.name, answer.status, unknown, shares)
-        if say:
+        if verbose:
             laps = {name: round(value, 2) for name, value in answer.elapsed.items()}
             own = f"{shares.get(best, 0):.3f} own {shares.get(part.name, 0):.3g} unknown {unknown:.3g}"
             print(number, part.name, answer.status, best, own, laps, flush=True)
@@ -187,7 +193,7 @@ def run(
 
 
 def narrow(catalogue: tanteo.catalogue.Catalogue, kind: str, scenes: int, seed: int, sd: float) -> tuple[str, ...]:
-    """A row of what narrowing leaves, of the same scenes."""
+    """Return a row of the table for the pruning of candidates, on the same scenes."""
     every, cpu, left, kept = Candidates(catalogue), list[float](), list[int](), 0
     for number in range(-1, scenes):
         rng = np.random.default_rng((seed, number + 1))
@@ -208,7 +214,7 @@ def narrow(catalogue: tanteo.catalogue.Catalogue, kind: str, scenes: int, seed: 
 
 
 def row_of(size: int, kind: str, out: Outcome) -> tuple[str, ...]:
-    """A row of the table."""
+    """Return a row of the table."""
     return (
         f"{size:,}", KINDS[kind], str(len(out.cpu)), f"{np.median(out.cpu):.2f}", f"{np.quantile(out.cpu, 0.9):.2f}",
         *out.rates(),
@@ -230,21 +236,21 @@ def main() -> None:
     words.add_argument("scenes", type=int, nargs="?", default=20)
     words.add_argument("kinds", nargs="*", metavar="KIND", default=list(KINDS))
     words.add_argument("--seed", type=int, default=1)
-    words.add_argument("--say", action="store_true", help="a line a scene")
+    words.add_argument("--verbose", action="store_true", help="print a line for each scene")
     words.add_argument("--narrow", action="store_true", help="only narrow")
-    words.add_argument("--sd", type=float, default=SD, help="of a point [m]")
-    asked = words.parse_args()
+    words.add_argument("--sd", type=float, default=SD, help="standard deviation of a point [m]")
+    given = words.parse_args()
     start = time.perf_counter()
-    is_one = (Path(asked.catalogue) / "catalogue.json").exists()
-    catalogue = tanteo.open_catalogue(asked.catalogue) if is_one else tanteo.read_parts([asked.catalogue]).parts
+    is_one = (Path(given.catalogue) / "catalogue.json").exists()
+    catalogue = tanteo.open_catalogue(given.catalogue) if is_one else tanteo.read_parts([given.catalogue]).parts
     opened = time.perf_counter() - start
-    if asked.narrow:
-        rows = [narrow(catalogue, kind, asked.scenes, asked.seed, asked.sd) for kind in asked.kinds]
+    if given.narrow:
+        rows = [narrow(catalogue, kind, given.scenes, given.seed, given.sd) for kind in given.kinds]
         print(Table("Narrowing", "Of the same scenes.", NARROWED, rows).markdown())
         return
     rows = [
-        row_of(len(catalogue), kind, run(catalogue, kind, asked.scenes, asked.seed, sd=asked.sd, say=asked.say))
-        for kind in asked.kinds
+        row_of(len(catalogue), kind, run(catalogue, kind, given.scenes, given.seed, sd=given.sd, verbose=given.verbose))
+        for kind in given.kinds
     ]
     print(Table("Catalogue", f"Opened in {1e3 * opened:.1f} ms.", COLUMNS, rows).markdown())
     print(f"\nResident memory at most {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB.")

@@ -1,8 +1,9 @@
-"""A session: ask where to sense, tell what came of it, until one of three parts is named and placed.
+"""Run a session that chooses readings until one of three parts is identified and located.
 
-A feeder drops a bracket, its mirror image or a wedge within 15 mm and 10 degrees or so. A laser with 0.3 mm noise looks
-where the session asks. Here the truth is known, and its ranges are computed; put a real sensor in their place. The
-session is saved after every reading, so that it can go on after an interruption; then it says what each reading told.
+A feeder drops a bracket, its mirror image or a wedge within about 15 mm and 10 degrees. A laser with 0.3 mm noise makes
+the readings that the session chooses. This example computes its ranges from the true pose; a real sensor would measure
+them. The session is saved after every reading, so that it can continue after an interruption. At the end the example
+prints the information of each reading.
 
     python examples/12_a_session.py
 """
@@ -27,7 +28,7 @@ laser = Probe("laser", NoiseLaw.of(3e-4), max_range=0.3, standoff=0.1)
 
 rng = np.random.default_rng(12)
 T_world_part = start.Ts[1] @ SE3.exp(np.linalg.cholesky(start.covariances[1]) @ rng.normal(size=6))
-to_part = SE3.inverse(T_world_part)  # the truth: a right bracket, somewhere in the feeder
+to_part = SE3.inverse(T_world_part)  # true pose: a right bracket in the feeder
 
 session = Session(start, laser, Sensing(sd=3e-4), stop=Stop(tolerance=2e-3))
 record = Path(tempfile.mkdtemp()) / "session.json"
@@ -39,15 +40,17 @@ while isinstance(action := session.ask(), Action):
 print(action.message)
 print(f"{session.answer().status}: {session.answer().message}")
 
-told = explain(session.state, session.steps)
-for added in told.added:
+explanation = explain(session.state, session.steps)
+for added in explanation.added:
     print(
-        f"{added.ids[0]} met {added.faces[0]}: {added.about_part:.2f} nats on the part, "
-        f"{added.part or 'none'} likeliest"
+        f"{added.ids[0]} hit {added.faces[0]}: {added.about_part:.2f} nats about the part, "
+        f"most probable is {added.part or 'none'}"
     )
-    print(f"   largest corner sd {1e3 * added.corner_sd:.2f} mm; best told: {added.motion or 'no motion'}")
-worst = told.directions[0]
-print(f"worst known: {worst.motion}, {1e3 * worst.moves:.2f} mm at the corners, most of it from {worst.shares[0][0]}")
+    print(f"   largest corner sd {1e3 * added.corner_sd:.2f} mm; most reduced: {added.motion or 'no motion'}")
+worst = explanation.directions[0]
+print(
+    f"most uncertain: {worst.motion}, {1e3 * worst.moves:.2f} mm at the corners, most of it from {worst.shares[0][0]}"
+)
 
 again = read_record(record, targets)
-print(f"the record gives the same belief to the last bit: {np.array_equal(again.state.poses, session.state.poses)}")
+print(f"the record restores exactly the same posterior: {np.array_equal(again.state.poses, session.state.poses)}")

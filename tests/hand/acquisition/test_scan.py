@@ -11,6 +11,8 @@ from tanteo.hand import Workspace
 from tanteo.hand.acquisition import FaceGuess, sense_plane
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.scan import WIDTHS, scan
+from tanteo.hand.motion import Rules, go_to, retreat, spiral_scan
+from tanteo.hand.simulator import Scene, SimulatedHand, box, clearances
 from tanteo.words.findings import Followed, NoSpace, NotOneFeature
 
 STANDOFF = 0.027
