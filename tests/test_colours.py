@@ -28,7 +28,7 @@ LIVE = {
     for name in ("GOOD", "BAD", "OVERLAY", "FREE", "EDGE", "INK", "PLANNER", "FEATURE")
 }
 LIVE |= {f"rival {k}": colors.css(hue) for k, hue in enumerate(colors.RIVALS)}
-SEEN_IMAGE = {name: colors.css(getattr(image_picture, name)) for name in ("MET", "MISSED", "OUTLINE")}
+SEEN_IMAGE = {name: colors.css(getattr(image_picture, name)) for name in ("FOUND", "MISSED", "OUTLINE")}
 
 
 def linear(hue):
