@@ -72,6 +72,7 @@ class Intake:
     latest: float = np.nan
     _messages: io.documents.RosMessages = field(default_factory=io.documents.RosMessages)
     _waiting: list[Waiting] = field(default_factory=list)
+    _waiting_rows: set[io.documents.Row] = field(default_factory=set)
     _last: dict[str, float] = field(default_factory=dict)
     _world_announced: bool = field(init=False)
     _begun: float = np.nan
@@ -124,6 +125,7 @@ class Intake:
         self.notify("A clock was set back. Stored poses of moving frames and waiting readings were discarded.")
         self.dropped["a clock was set back"] += len(self._waiting)
         self._waiting.clear()
+        self._waiting_rows.clear()
         self._last.clear()
         messages.overlaps.clear()
         messages.rows = {topic: rows[-1:] for topic, rows in messages.rows.items()}
@@ -142,13 +144,14 @@ class Intake:
             self.dropped["older than --max-age on arrival"] += 1
         elif stamp - one.came > _AHEAD:
             self.dropped["stamp in the future: clocks differ"] += 1
-        elif any(w.row == one.row for w in self._waiting) or stamp == self._last.get(one.topic):
+        elif one.row in self._waiting_rows or stamp == self._last.get(one.topic):
             self.dropped["duplicate"] += 1
         elif stamp - self._last.get(one.topic, -np.inf) < self.patience.every:
             self.dropped["less than --every after the last one"] += 1
         else:
             self._last[one.topic] = stamp
             self._waiting.append(one)
+            self._waiting_rows.add(one.row)
 
     def ready(self, now: float) -> Readings | None:
         """Return new readings whose frames are known, or None without any.
@@ -170,6 +173,7 @@ class Intake:
         self._waiting = [
             one for one, k, is_late in zip(self._waiting, known, late, strict=True) if not k and not is_late
         ]
+        self._waiting_rows = {one.row for one in self._waiting}
         return self._readings(ready) if ready else None
 
     def _placed(self, now: float) -> list[bool]:
