@@ -1,4 +1,4 @@
-"""Questions that once took unusually long: ``python benchmarks/cliffs.py [ROW ...]``.
+"""Questions that once took unusually long: ``python benchmarks/cliffs.py [ROW ...] [seeds]``.
 
 Each row is a few scenes of one kind with their median and worst processor time, preparation of the part not counted
 except in rows of first calls. Organic meshes are smooth closed shapes of 16,000 triangles, drawn by spherical waves.
@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import sys
 import time
+from collections import Counter
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from common import Table
 
 import tanteo
 from tanteo.geometry import SE3, SO3
+from tanteo.posterior import DEFAULTS
 
 ROOT = Path(__file__).resolve().parents[1]
 DEMO = ROOT / "src" / "tanteo" / "bench" / "demo" / "parts"
@@ -120,6 +123,32 @@ ROWS = {
 }
 
 
+def spread_of_seeds(scenes=8, seeds=5):
+    """Return the table of how much seeds differ in the probability of the best part, by rounds of samples."""
+    lines = []
+    for rounds in (1, 2, 4, 10):
+        settings = replace(DEFAULTS, samples=replace(DEFAULTS.samples, rounds=rounds))
+        differences, ms = [], []
+        for k in range(scenes):
+            rng = np.random.default_rng((k, 5))
+            points, _ = touches(demo()[k % len(demo())], rng, 5, 3e-4)
+            readings = tanteo.Readings.from_columns(points=points, sds=np.full(5, 3e-4))
+            found = []
+            for seed in range(seeds):
+                start = time.process_time()
+                answer = tanteo.identify(readings, demo()[:6], seed=seed, top=100, settings=settings)
+                ms.append(1e3 * (time.process_time() - start))
+                found.append(Counter())
+                for one in answer.hypotheses:
+                    found[-1][one.part] += one.probability
+            best = max(found[0], key=found[0].get)
+            differences.append(np.std([one[best] for one in found], ddof=1))
+        sd = float(np.sqrt(np.mean(np.square(differences))))
+        lines.append((str(settings.samples.few_rounds), f"{sd:.3f}", f"{np.median(ms):.0f}"))
+    text = "Five points on six parts: standard deviation over seeds of the probability of the best part."
+    return Table("Rounds of samples where points are too few", text, ("rounds", "sd over seeds", "ms, median"), lines)
+
+
 def main():
     """Print the table of the rows that the arguments name."""
     chosen = [name for name in ROWS if not sys.argv[1:] or any(word in name for word in sys.argv[1:])]
@@ -133,6 +162,8 @@ def main():
         right = f"{sum(one[1] for one in found)} of {count}"
         lines.append((name, right, statuses, f"{np.median(ms):.0f}", f"{max(ms):.0f}"))
         print(*lines[-1], file=sys.stderr, flush=True)
+    if "seeds" in sys.argv[1:]:
+        print(spread_of_seeds().markdown())
     columns = "scene", "part right", "statuses", "ms, median", "ms, worst"
     print(Table("Unusually slow questions", __doc__.split("\n\n")[1], columns, tuple(lines)).markdown())
 

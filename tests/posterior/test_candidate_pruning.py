@@ -11,7 +11,7 @@ def _part(log_evidence, on):
 
 def _kept(evidence, on, unknown=-1e9, gap=24.0):
     parts = [_part(value, on) for value in evidence]
-    return [part.log_evidence for part in candidate_pruning._still_active(parts, unknown, gap)]
+    return [part.log_evidence for part in candidate_pruning.still_active(parts, unknown, gap)]
 
 
 def test_parts_far_below_an_explaining_one_are_pruned():

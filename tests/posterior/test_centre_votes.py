@@ -404,7 +404,7 @@ def given(sensed_ones, every, **changed):
         "rounds_start": table["rounds_start"],
         "unseen": np.zeros(len(every)), "rows": rows, "centres": sensed_ones.rows,
         "sensed": sensed_ones.planes, "seeds": sensed_ones.seeds.ravel(), "poses_before": np.zeros((0, 4, 4)),
-        "poses_start": np.zeros(4, dtype=np.int32), "limit": 60.0, "behind": 16.0, "keep": 3,
+        "poses_start": np.zeros(4, dtype=np.int32), "limit": 60.0, "gap": 16.0, "keep": 3,
     }  # fmt: skip
     return _core.on_axes(**{**own, **changed})
 

@@ -51,7 +51,7 @@ def on_block(side, n, seed):
 def evaluate(table, points, **changed):
     n = len(points)
     given = {
-        "best": 1e9, "behind": 1e9, "points": points, "normals": np.zeros((n, 3)), "sds": np.full(n, SD),
+        "best": 1e9, "gap": 1e9, "points": points, "normals": np.zeros((n, 3)), "sds": np.full(n, SD),
         "tilts": np.ones(n), "radii": np.zeros(n), "most": 8.0, "stepped": 32, "keep": 4,
     }  # fmt: skip
     return _core.coarse(**{**table, **given, **changed})
@@ -82,7 +82,7 @@ def test_parts_of_a_kind_find_their_own_poses():
 def test_a_score_far_below_costs_the_most_and_changes_no_other():
     points, _ = on_block(SIDES[0], 24, 7)
     scores, whole, _ = evaluate(tables(SIDES), points)
-    some = evaluate(tables(SIDES), points, behind=12.0)[1]
+    some = evaluate(tables(SIDES), points, gap=12.0)[1]
     near = scores <= scores.min() + 12
     assert 0 < near.sum() < len(SIDES)
     np.testing.assert_array_equal(some[near], whole[near])

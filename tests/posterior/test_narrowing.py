@@ -307,7 +307,7 @@ def on_planes(table, felt, triple, **changed):
         "unseen": np.ascontiguousarray(table["numbers"][:, 16]),
         "rows": np.arange(len(table["numbers"]), dtype=np.int32), "sensed": felt,
         "triples": np.array(triple, dtype=np.int32), "walls": np.zeros(0, dtype=np.int32), "limit": 60.0,
-        "behind": 60.0, "keep": 3,
+        "gap": 60.0, "keep": 3,
     }  # fmt: skip
     return _core.on_planes(**{**given, **changed})
 

@@ -15,8 +15,8 @@ from tanteo.posterior.settings import POSE_DOF
 def sample(samplers: Sequence[Sampler], log_none: float) -> None:
     """Draw samples in rounds until every important mode has enough.
 
-    Where there are too few measurements for the pose of a part, the first samples give its probability, and no answer
-    needs the shape of its modes.
+    Where there are too few measurements for a pose, fewer rounds give the probability of each part, and no answer
+    needs the shape of the modes.
 
     Args:
         samplers: samplers of the parts.
@@ -24,7 +24,8 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
     """
     total = float(log_sum([log_none, *(float(log_sum(s.peaks.evidence)) + s.log_constant for s in samplers)]))
     wants = [_first(s, s.peaks.evidence + s.log_constant - total) for s in samplers]
-    rounds = samplers[0].settings.rounds if any(s.fixes_pose for s in samplers) else 0
+    fixed = any(s.fixes_pose for s in samplers)
+    rounds = 0 if not samplers else samplers[0].settings.rounds if fixed else samplers[0].settings.few_rounds
     count = 0
     for k in range(rounds + 1):
         for sampler, want in zip(samplers, wants, strict=True):
@@ -32,14 +33,11 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
         before, count = count, sum(len(s.peaks) for s in samplers)
         if k == rounds or (k == rounds - 1 and count == before):  # sample new maxima once
             break
-        if k == 0:
+        if k == 0 and fixed:
             _spread(samplers, log_none)
         masses = [s.masses() for s in samplers]
         total = float(log_sum([log_none, *(float(log_sum(m)) for m, _ in masses)]))
-        wants = [
-            _wanted(s, mass - total, ess) if s.fixes_pose else np.zeros(len(mass), dtype=np.int64)
-            for s, (mass, ess) in zip(samplers, masses, strict=True)
-        ]
+        wants = [_wanted(s, mass - total, ess) for s, (mass, ess) in zip(samplers, masses, strict=True)]
         if not any(want.any() for want in wants):
             break
 
@@ -60,12 +58,7 @@ def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
     total = float(log_sum([log_none, *(float(log_sum(mass)) for mass in masses)]))
     for s, mass in zip(samplers, masses, strict=True):
         likely = mass > total + np.log(s.settings.region)
-        if (
-            s.fixes_pose
-            and s.along is not None
-            and len(s.along)
-            and not all(s.is_normal(int(k)) for k in np.flatnonzero(likely))
-        ):
+        if s.along is not None and len(s.along) and not all(s.is_normal(int(k)) for k in np.flatnonzero(likely)):
             # all components of a ridge together have as many samples as a mode needs
             s.spread(s.along, -(-s.settings.enough // s.objective.problem.settings.search.maximized))
 
