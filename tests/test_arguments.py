@@ -84,7 +84,7 @@ MISUSES = [
     (lambda r, p: at_place(p, EYE, np.diag([1e-4] * 3 + [100.0] * 3)), r"got 10 rad\. Is it in degrees"),
     (lambda r, p: probe_of(3), r"preset: expected SensorPreset"),
     (lambda r, p: probe_of("nobody"), r"sensor: expected one of"),
-    (lambda r, p: Session(p, probe_of("keyence_il300")), r"start: expected Start.*around\(parts"),
+    (lambda r, p: Session(p, probe_of("keyence_il300")), r"start: expected Start.*at_place\(parts"),
     (lambda r, p: Session(at_pose(p, EYE, LOOSE), "laser"), r"probe: expected Probe, got 'laser'"),
     (lambda r, p: Session(at_pose(p, EYE, LOOSE), probe_of("keyence_il300"), "x"), r"sensing: expected Sensing"),
     (lambda r, p: Session(at_pose(p, EYE, LOOSE), probe_of("keyence_il300"), seed=0.5), r"seed: expected a whole"),

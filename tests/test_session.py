@@ -331,7 +331,7 @@ def test_what_a_session_cannot_mean_is_refused(targets):
     for law in (NoiseLaw.of(np.nan), NoiseLaw.of(1e-300), NoiseLaw.of(np.inf)):
         with pytest.raises(InputError, match="law: expected a standard deviation"):
             replace(LASER, law=law)
-    with pytest.raises(InputError, match="a place and a unit direction"):
+    with pytest.raises(InputError, match="an origin and a unit direction"):
         replace(session.ask(), origin=np.zeros(2))
 
 
@@ -360,7 +360,7 @@ def test_any_sequence_of_readings_leaves_a_valid_belief(targets, seed):
 
 def test_millimetres_are_no_free_beam(targets):
     action = new_session(rough(targets)).ask()
-    with pytest.raises(InputError, match=r"Did you mean 0\.0987, that many millimetres"):
+    with pytest.raises(InputError, match=r"Did you mean 0\.0987 m, with the number in millimetres"):
         action.read(98.7)
     for distance in (np.inf, 1.5 * action.max_range):
         assert action.read(distance).is_free.all()

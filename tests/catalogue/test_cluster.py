@@ -99,7 +99,7 @@ def test_large_files_are_tasks_of_their_own(tmp_path, monkeypatch):
     requests = {}
     for k, size in enumerate((20, 20, 500, 20)):
         (tmp_path / str(k)).write_bytes(b"x" * size)
-        requests[k] = spreading.Request(str(tmp_path / str(k)), "mm", str(k))
+        requests[k] = pool.Request(str(tmp_path / str(k)), "mm", str(k))
     submitted = []
     monkeypatch.setattr(spreading, "run_tasks", lambda scheduler, work, tasks, record: submitted.extend(tasks.values()))
     spreading.read_on_cluster(requests, print, "local:1")

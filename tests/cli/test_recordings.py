@@ -55,8 +55,8 @@ def identified(recorded, capsys, *more):
 
 def test_the_motion_determines_a_delay(recorded, capsys):
     _, _, err = identified(recorded, capsys)
-    assert "older than taken: say --latency 1" in err
-    latency = float(err.split("say --latency ")[1].split("ms")[0])
+    assert "older than assumed. Use --latency 1" in err
+    latency = float(err.split("Use --latency ")[1].split("ms")[0])
     assert latency == pytest.approx(15.0, abs=1.0)
 
 

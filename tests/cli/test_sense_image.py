@@ -64,7 +64,7 @@ def test_an_image_that_shows_nothing_is_an_answer(sense, tmp_path, json_too):
     ("options", "code", "message"),
     [
         (CAMERA, 2, "--camera, --marks: expected with --image"),
-        (("--image", "render", *CAMERA), 1, "expected a key T_world_camera, where it stands"),
+        (("--image", "render", *CAMERA), 1, "expected a key T_world_camera, the pose of the camera"),
         (("--image", "/no/such.png"), 1, "expected an image"),
         (("--image", "render", "--camera", "/no/such.yaml"), 1, "expected a calibration file"),
     ],

@@ -156,7 +156,7 @@ def test_an_uninformative_log_exits_3_and_writes_nothing(run, tmp_path):
     [
         (["show", "vl53l1"], 2, "Did you mean 'vl53l1x'"),
         (["show", "xarm", "--picture", "x.png"], 2, "expected a range sensor, got the robot 'xarm'"),
-        (["show", "touch_probe_hobby", "--picture", "x.png"], 2, "which touches"),
+        (["show", "touch_probe_hobby", "--picture", "x.png"], 2, "got the touch probe"),
         (["show", "vl53l0x", "--picture", "x.gif"], 2, "ends in .png, .svg, .pdf, got 'x.gif'"),
         (["show", "vl53l0x", "--picture", "no/such/folder/x.png"], 1, "No such file or directory"),
         (["rig", "nono"], 1, "expected a rig file or one of paper-gripper"),

@@ -98,7 +98,7 @@ def test_exit_codes_and_streams(run, readings, parts, identified, status, code):
     document = json.loads(both.out, parse_constant=pytest.fail)
     assert both.code == code
     assert document["status"] == status
-    assert set(document["elapsed_s"]) == {"load", "search", "total"}
+    assert set(document["elapsed_s"]) == {"load", "search", "conventions", "total"}
     assert document["elapsed_s"]["total"] >= document["elapsed_s"]["load"] > 0
     assert both.err == ("" if code == 0 else f"{status}: {NoPart().message}\n")
 

@@ -58,7 +58,7 @@ def test_every_offset_has_its_number(name, p, rng):
 def test_a_tilt_is_reported_at_the_far_corner(rng):
     frame = upright(rng, np.radians(2.0))
     got = written("G54", frame)
-    stated = float(re.search(r"far corner is ([\d.e-]+) mm", got.warnings[0])[1])
+    stated = float(re.search(r"farthest corner is ([\d.e-]+) mm", got.warnings[0])[1])
     values = words(got.text.splitlines()[-1])
     rotated = SE3.from_parts(SO3.axis_rotation(2, np.radians(values["R"])), frame.T[:3, 3])
     worst = np.linalg.norm(SE3.apply(frame.T, CORNERS) - SE3.apply(rotated, CORNERS), axis=1).max()
@@ -67,7 +67,7 @@ def test_a_tilt_is_reported_at_the_far_corner(rng):
 
 
 def test_no_offset_holds_a_part_on_its_side(rng):
-    with pytest.raises(InputError, match="tilted by 90"):
+    with pytest.raises(InputError, match="got a tilt of 90"):
         written("G54", upright(rng, np.pi / 2))
 
 
@@ -77,7 +77,7 @@ def test_some_offsets_have_no_turn(name, rng):
     got = written(name, frame)
     assert "\nG21 G90\n" in got.text
     assert " R" not in got.text.splitlines()[-1]
-    assert "cannot hold any rotation" in got.warnings[0]
+    assert "cannot represent any rotation" in got.warnings[0]
 
 
 @pytest.mark.parametrize(

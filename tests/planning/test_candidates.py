@@ -170,7 +170,7 @@ def test_a_probe_has_the_least_range_of_its_sensor():
         probe.answers(np.array([0.15, 0.16, 0.3, 0.5]), np.ones(4)), [False, True, True, False]
     )
     assert probe_of(sensor_preset("touch_trigger_cnc")).min_range == 0
-    with pytest.raises(InputError, match="where it starts to read"):
+    with pytest.raises(InputError, match="the smallest range of the sensor"):
         replace(probe, standoff=0.1)
 
 

@@ -302,7 +302,7 @@ def test_a_part_that_may_be_anywhere_is_not_planned_for(block):
 def test_what_a_probe_cannot_be_names_the_value():
     with pytest.raises(InputError, match=r"standoff: expected a positive number up to 1e\+06, got 0\."):
         Probe("p", NoiseLaw.of(1e-4), standoff=0.0)
-    with pytest.raises(InputError, match=r"standoff: .* 300 mm at most, got 1000 mm\. Start nearer"):
+    with pytest.raises(InputError, match=r"standoff: expected at most 300 mm, .*, got 1000 mm\. Start nearer"):
         Probe("p", NoiseLaw.of(1e-4), standoff=1.0, max_range=0.3)
 
 

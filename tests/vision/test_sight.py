@@ -187,7 +187,9 @@ def test_the_picture_names_part_with_its_probability_in_any_pose(two, models, mo
     halves = tuple(replace(best, probability=p) for p in (0.5, 0.25))
     sight = replace(sight, objects=(replace(seen, answer=replace(seen.answer, hypotheses=halves)),))
     rejected = []
-    monkeypatch.setattr("tanteo.render.image_picture._say", lambda picture, text, at, size: rejected.append(text))
+    monkeypatch.setattr(
+        "tanteo.render.image_picture._put_outlined", lambda picture, text, at, size: rejected.append(text)
+    )
     draw_sight(image, camera, sight)
     assert f"{best.part} 75.0 %" in rejected
 

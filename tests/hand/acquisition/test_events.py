@@ -6,7 +6,7 @@ import pytest
 from felt_scenes import gripper
 from tanteo.geometry import SE3
 from tanteo.hand.acquisition.edge_events import agreeing, distance_from, doubt, line_through, on_line, place_of
-from tanteo.hand.motion.crossing import EdgeEvent
+from tanteo.hand.motion import EdgeEvent
 from tanteo.words.findings import EdgesMixed, FewEdgeCrossings, PlaceBeside
 
 ALONG, OUTWARDS = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])

@@ -13,8 +13,15 @@ from tanteo.hand.motion import Rules
 from tanteo.parts import signed_distance
 from tanteo.planning import at_place, begin, hand_probe
 from tanteo.planning.candidates import propose
-from tanteo.planning.execution import FreeSpace, PossiblePoses, approach_poses, reachable
-from tanteo.planning.execution.approach import approach_path, retreated_poses, route
+from tanteo.planning.execution import (
+    FreeSpace,
+    PossiblePoses,
+    approach_path,
+    approach_poses,
+    reachable,
+    retreated_poses,
+    route,
+)
 
 RULES = Rules(clearance=0.012, workspace=Workspace.above(0.0))
 LYING = SE3.from_parts(np.eye(3), [0.0, 0.0, 0.03])

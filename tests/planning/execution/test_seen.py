@@ -156,14 +156,14 @@ def test_a_session_from_an_image_is_the_same_from_its_record(twins, steps, tmp_p
 def test_factors_that_no_record_holds_are_refused(twins, steps, tmp_path):
     own = PythonFactor(name="gauge", log_density=lambda Ts, part: np.zeros(len(Ts)))
     start = replace(seen_start(part_seen(twins), steps), factors=(own,))
-    with pytest.raises(InputError, match="A record can hold only these"):
+    with pytest.raises(InputError, match="A record stores only these"):
         write_record(Session(start, LASER, Sensing(sd=3e-4)), tmp_path / "session.json")
 
 
 def test_nothing_seen_is_rough_place_and_without_one_an_error(steps):
     rough = at_place(steps, np.eye(4), NARROW, Priors(unknown=0.2))
     assert seen_start(None, steps, rough) is rough
-    with pytest.raises(InputError, match="expected a part on the table"):
+    with pytest.raises(InputError, match="expected a known part on the table"):
         seen_start(None, steps)
 
 

@@ -55,7 +55,7 @@ def test_its_text_table_and_curves_agree(planned, wedge):
         assert f"after {n}: {1e3 * r.corner_sd:.2g} mm" in page
         assert f"<td>{1e3 * r.corner_sd:.2g}</td>" in page
     assert "tolerance, 0.2 mm" in page
-    assert "wanted, 95.0 %" in page
+    assert "required, 95.0 %" in page
     last = planned.readings[-1]
     assert "All corners within the tolerance then, over all placements" in page
     assert f"<dd>{percent(last.within)}</dd>" in page
@@ -73,7 +73,7 @@ def test_a_reading_that_is_made_twice_has_one_arrow(planned, wedge):
 def test_a_plan_that_cannot_be_made_is_a_page_too(planned, wedge):
     none = replace(planned, readings=(), reached=False, findings=(NoPlaceReached(("wedge",)),))
     page = plan_page(none, wedge, TOUCH, 2e-4, 0.95, RUN)
-    assert "No plan for wedge keeps the tolerance." in page
+    assert "No plan for wedge achieves the tolerance." in page
     assert "Result of each reading" not in page
     assert scene_of(page)["parts"][0]["name"] == "wedge"
 

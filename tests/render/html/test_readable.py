@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tanteo.planning import Stop
-from tanteo.render.html import Budget, Source, combined, goal_words, photo_section
+from tanteo.render.html import Budget, Source, goal_words, photo_section
+from tanteo.render.html.combined import combined
 from tanteo.words import Motion
 
 LINEAR = Budget((Source("noise of the sensor", "B", 0.64, 8e-5, 6e-5), Source("tip", "B", 0.36, 6e-5, 8e-5)), 1e-4)
