@@ -118,7 +118,7 @@ def test_the_least_there_must_be(tmp_path):
             ("view_direction = [0, 0.0, -1]", "view_direction = [0, 0, 0]"),
             "view_direction: expected a direction that is not zero",
         ),
-        (("pair = [0, 1, 0]", "pair = [0, 0, 1]"), "pair: expected a direction across looks"),
+        (("pair = [0, 1, 0]", "pair = [0, 0, 1]"), "pair: expected a direction across view_direction"),
         (("rate_hz = 50", "rate_hz = true"), "rate_hz: expected finite numbers"),
         (("latency_ms = 20", "latency_ms = -5"), "latency_ms: expected one number of zero or more, got -5"),
         (('robot = "calibrated_small"', 'robot = "r2d2"'), "robot: expected one of"),

@@ -340,7 +340,7 @@ def test_degenerate_planes_end_in_nats_that_are_numbers(catalogue, what):
         ("starts", np.array([0, 10**6], dtype=np.int64), "expected"),
         ("rows", np.array([10**6], dtype=np.int32), "rows"),
         ("triples", np.array([0, 1, 99], dtype=np.int32), "triples"),
-        ("triples", np.array([0, -1, 1], dtype=np.int32), "only for a third"),
+        ("triples", np.array([0, -1, 1], dtype=np.int32), "missing third plane"),
         ("walls", np.array([0, 1, 99], dtype=np.int32), "walls"),
         ("sensed", np.full((3, 12), np.nan), "finite"),
     ],

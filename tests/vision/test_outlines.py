@@ -76,7 +76,7 @@ def test_an_image_is_answered_of_a_catalogue(catalogue, shots, many):
 
 def test_unsearched_parts_are_reported(catalogue, shots, many, monkeypatch):
     """If not all similar parts can be kept, the pruned ones are as probable as the kept ones."""
-    monkeypatch.setattr(outlines, "DEFAULTS", DEFAULTS.changed("pruning.least", 1))
+    monkeypatch.setattr(outlines, "DEFAULTS", DEFAULTS.changed("pruning.budget", 4).changed("pruning.least", 1))
     monkeypatch.setattr("tanteo.posterior.answers.seen_outline._TOGETHER", 1e4)  # any outline is any part's
     _, shot, _ = next(whole(shots))
     (seen, *_) = see_table(shot.image, shot.camera, catalogue).objects

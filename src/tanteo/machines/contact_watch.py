@@ -13,7 +13,7 @@ from tanteo.planning.predictions import predict
 from tanteo.planning.samples import draw
 
 _ALPHA = 0.01
-"""Level of a test, the default of ``--significance``. A miss less probable than this counts as one of this probability."""
+"""Level of a test, the default of ``--significance``. A less probable miss counts as one of this probability."""
 _TOUCHES = 2
 """Number of misses of that probability after which a run ends: one may be an error of the prior or of the machine."""
 _SAMPLES = 128

@@ -83,7 +83,7 @@ class Problem:
 
     def may_fix(self, part: Part) -> bool:
         """Return whether there are enough measurements for the pose of a part; else the answer is insufficient."""
-        if self.priors.pose is not None or self.pose_factors:
+        if self.priors.pose is not None or self.mixtures or self.pose_factors:
             return True
         symmetry = part.symmetry
         free = POSE_DOF // 2 if symmetry.spherical else int(symmetry.continuous)

@@ -77,10 +77,12 @@ def verdict(
     if not hypotheses:
         return "unknown", NoPart()
     best = hypotheses[0]
-    of_parts: dict[str, float] = {}  # a part in many poses is more probable than each of them
+    of_parts: dict[str, float] = {}
     for name, share in shares or [(h.part, h.probability) for h in hypotheses]:
         of_parts[name] = of_parts.get(name, 0.0) + share
-    if unknown > max(of_parts.values()) and not known and not several:
+    # poses along a motion that the readings leave free are pieces of one region
+    likeliest = max(of_parts.values() if best.unobserved else (h.probability for h in hypotheses))
+    if unknown > likeliest and not known and not several:
         return "unknown", UnknownObject(unknown, best.part, best.probability)
     if best.p_value < significance and not as_published:
         return "unknown", Contradicted(best.part, best.p_value, worst, significance)
