@@ -22,11 +22,11 @@ MOST = {
     "files with checks of a kind in C++": 0,
     "checks of a kind in Python": 0,
     "files with checks of a kind in Python": 0,
-    "code lines of Python in the judged packages": 10224,
+    "code lines of Python in the judged packages": 10260,
     "code lines of C++": 9600,
     "exported names": 450,
     "exported names without a user": 0,
-    "words of docs": 33500,
+    "words of docs": 33600,
     "live decisions": 40,
 }
 """Largest accepted figures: the numbers may fall."""

@@ -132,7 +132,7 @@ def test_a_set_is_read_as_it_was_written(tmp_path):
         (lambda f: (f / "truth.csv").unlink(), "truth.csv"),
         (lambda f: (f / "set.toml").write_text("name = ["), "TOML"),
         (lambda f: (f / "set.toml").write_text("unit = 'mm'\ntolerance_mm = '3'"), "tolerance_mm"),
-        (lambda f: (f / "truth.csv").write_text("scene,part\n0,nobody\n"), "got 'nobody'"),
+        (lambda f: (f / "truth.csv").write_text("scene,part\n0,unlisted\n"), "got 'unlisted'"),
         (lambda f: (f / "truth.csv").write_text("a,b\n1,2\n"), "columns scene, part"),
         (lambda f: (f / "truth.csv").write_text("scene,part,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,,1,2,3,0,0,0,9\n"), "line 2"),
         (lambda f: (f / "scenes" / "0.csv").write_text("x_mm,y_mm,z_mm\n1,2,3\n4,5,6\n7,8,9\n"), "standard deviation"),
@@ -172,7 +172,7 @@ def other(candidates):
     return lambda scene: [np.eye(4)]
 
 def strange(candidates):
-    return lambda scene: [Placement("got 'nobody'", np.eye(4))]
+    return lambda scene: [Placement("got 'unlisted'", np.eye(4))]
 
 def mirrored(candidates):
     return lambda scene: [Placement(candidates[0].name, np.diag([1.0, 1, -1, 1]))]
@@ -190,7 +190,7 @@ def unprepared(candidates):
         ("ends", "exit code 7"),
         ("waits", "did not end within 2 s"),
         ("other", "expected Placement"),
-        ("strange", "got 'nobody'"),
+        ("strange", "got 'unlisted'"),
         ("mirrored", "rigid motion"),
         ("unprepared", "could not be prepared: ImportError: no such package"),
     ],

@@ -74,7 +74,7 @@ def test_one_object_is_solid_and_all_others_are_transparent(moments):
 def test_how_the_pose_may_be_off_shrinks(moments):
     def spread(now):
         overlays = [p for p in drawing.state_primitives(now) if p.layer == "overlays"]
-        return np.ptp([g.T[:3, 3] for g in overlays], axis=0).max() if overlays else np.nan
+        return np.linalg.norm(np.std([g.T[:3, 3] for g in overlays], axis=0)) if overlays else np.nan
 
     assert np.isnan(spread(moments[0]))  # two parts are as likely: whose pose?
     assert 0 < spread(moments[2]) < 0.7 * spread(moments[1])

@@ -112,7 +112,7 @@ def approach_path(hand: Hand, T_from: Transforms, T_to: Transforms) -> Transform
 def route(
     hand: Hand, space: FreeSpace, T_from: Transforms, T_to: Transforms, retreat: float
 ) -> list[Transforms] | None:
-    """Return the waypoints of a collision-free motion that ends at a target pose, or None if none was found.
+    """Return the waypoints of a motion without collision to a target pose, or None if none was found.
 
     The direct path and paths above the possible parts are tried, shortest first. The hand retreats before it rotates,
     and it approaches the target along a straight line.
