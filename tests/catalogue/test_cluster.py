@@ -210,7 +210,7 @@ def test_processes_end_when_who_began_them_was_killed():
     import psutil
 
     code = "import time, tanteo.catalogue as c, tanteo.catalogue.cluster.own as o; o.LEFT = 1.0\n"
-    code += "c.run_tasks('local:1', time.sleep, {0: 600}, print)"
+    code += "c.cluster.run_tasks('local:1', time.sleep, {0: 600}, print)"
     with subprocess.Popen([sys.executable, "-c", code]) as begun:
         try:
             own = psutil.Process(begun.pid)
