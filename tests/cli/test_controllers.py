@@ -43,11 +43,11 @@ def test_a_work_offset_with_its_tilt(run):
     got = run(*LOCATE, "--wcs", "G54")
     assert got.code == 0
     assert "\nG10 L2 P1 X420.0" in got.out
-    assert "warning: --wcs: G54 cannot represent a tilt of" in got.err
+    assert "warning: --wcs: G54 cannot represent" in got.err
     assert "taken as machine coordinates" in got.err
     document = json.loads(run(*LOCATE, "--wcs", "G54", "--json").out)
     assert document["wcs"]["text"] == got.out
-    assert "far corner" in document["wcs"]["warnings"][0]
+    assert "farthest corner" in document["wcs"]["warnings"][0]
 
 
 @pytest.mark.parametrize("words", [("--as", "ur"), ("--wcs", "G54")])
