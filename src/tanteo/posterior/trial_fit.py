@@ -49,7 +49,7 @@ class TrialFit:
         """Return whether the trial shows that no part explains this fraction of the points.
 
         With fewer than twice as many points as a pose has degrees of freedom, coarse poses miss the right one too
-        often: of 11 points in one scene of ten, of 20 points in none of 96 (``python benchmarks/conventions.py``).
+        often: of 11 points in 8 of 96 scenes, of 14 in 7, of 20 in one (``python benchmarks/conventions.py``).
         """
         return self.count >= 2 * POSE_DOF and self.explained < fraction * self.count
 
