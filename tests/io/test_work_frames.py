@@ -137,7 +137,7 @@ def test_linuxcnc_puts_a_frame_into_another(rng, tmp_path):
     """Readings in a turned and shifted G54: its offset and turn are in what G55 gets."""
     frame = upright(rng, 0.0)
     got = written("G55@G54", frame)
-    assert "taken as those of G54" in got.warnings[-1]
+    assert "taken as coordinates of G54" in got.warnings[-1]
     lines = "G21\nG10 L2 P1 X100 Y-50 Z20 R30\n" + got.text + "G55\nG0 X0 Y0 Z0\nM2\n"
     (tmp_path / "wcs.ngc").write_text(lines, encoding="utf-8")
     (tmp_path / "tool.tbl").write_text("", encoding="utf-8")
