@@ -5,7 +5,6 @@ avoids, and for sentences that are too long. It runs ruff's rule D401 for the mo
 the sections that a docstring has. Tests differ in two points. The docstring of a test or a fixture states a law or
 names a value and need not be imperative. Helpers of tests are private, so pydoclint does not run there.
 ``make check`` runs the script. ``--counts`` prints the number of findings for each package.
-A path as argument is checked even if it is pending.
 """
 
 from __future__ import annotations
@@ -24,33 +23,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-
-PENDING: tuple[str, ...] = (
-    # One entry a line: a path that is not yet rewritten. Delete an entry when its folder has no findings.
-    # Tests that repeat a message or a name of the program: change both together.
-    "tests/cli/test_replay.py",
-    #
-    "tests/fitting/test_fitting.py",
-    #
-    "tests/fitting/test_labelled.py",
-    #
-    "tests/fitting/test_round_labels.py",
-    #
-    "tests/io/test_scene_toml.py",
-    #
-    "tests/render/html/test_sessions.py",
-    #
-    "tests/test_examples.py",
-    #
-    "tests/test_extending.py",
-    #
-    "tests/test_free_paths.py",
-    #
-    "tests/test_free_paths_and_base.py",
-    #
-    "tests/viewer_scenes.py",
-    #
-)
 
 QUOTING = "benchmarks/language.py", "tests/test_language.py", "tests/test_words.py"
 """Files that quote the words to avoid: they are not checked."""
@@ -356,11 +328,6 @@ def files(paths: list[Path]) -> Iterator[Path]:
             yield path
 
 
-def is_pending(path: str) -> bool:
-    """Return whether a path is listed as not yet rewritten, or quotes the words that the style avoids."""
-    return path in QUOTING or any(path == p or path.startswith(f"{p}/") for p in PENDING)
-
-
 def group_of(path: str) -> str:
     """Return the package or folder to which a path is counted."""
     parts = path.split("/")
@@ -368,23 +335,20 @@ def group_of(path: str) -> str:
 
 
 def main() -> None:
-    """Print the findings, and exit with 1 if there are any outside of the pending paths."""
+    """Print the findings, and exit with 1 if there are any."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
-    parser.add_argument("paths", nargs="*", type=Path, help="files or folders, pending ones included")
+    parser.add_argument("paths", nargs="*", type=Path, help="files or folders")
     parser.add_argument("--counts", action="store_true", help="number of findings for each package or folder")
     options = parser.parse_args()
     chosen = [path.resolve() for path in options.paths] or [ROOT]
-    everything = options.counts or options.paths
-    found = [
-        one for path in files(chosen) if path.relative_to(ROOT).as_posix() not in QUOTING for one in findings(path)
-    ]
+    found = [one for path in files(chosen) for one in findings(path)]
     sources = chosen if options.paths else [ROOT / "src", ROOT / "benchmarks", ROOT / "tests"]
     python = [path for path in sources if path.is_dir() or path.suffix == ".py"]
     documented = [path for path in python if not path.is_relative_to(ROOT / "tests")]
     for check, some in ((section_findings, documented), (mood_findings, python)):
         each = check([str(path) for path in some]) if some else ()
         found += [Finding(str((ROOT / one.path).relative_to(ROOT)), one.line, one.text) for one in each]
-    found = sorted({one for one in found if everything or not is_pending(one.path)})
+    found = sorted({one for one in found if one.path not in QUOTING})
     if options.counts:
         for name, count in sorted(Counter(group_of(one.path) for one in found).items()):
             print(f"{count:5d} {name}")

@@ -329,7 +329,7 @@ def test_the_command_line_uses_plug_ins(acme, here, touched):
     plain = here(*words, "--radius", "0mm", "--json")
     assert plain.returncode == 0, plain.stderr
     assert identified(plain.stdout)[:2] == ("recognized", "wedge")
-    assert "1 remarks were left out." in plain.stderr
+    assert "1 remarks were skipped." in plain.stderr
     level = here(*words, "--radius", "0mm", "--json", "--factor", f"level={folder / 'level.txt'}")
     assert level.returncode == 0, level.stderr
     assert identified(level.stdout)[:2] == ("recognized", "wedge")
@@ -385,7 +385,7 @@ def test_a_format_of_ones_own_is_recognised(acme, tmp_path):
         read_readings(path)
     readings = read_readings(path, radius=0.001)
     np.testing.assert_allclose(readings.points, np.array([[1, 2, 3], [4, 5, 6]]) * 0.0254)
-    assert readings.notes == ("1 remarks were left out.",)
+    assert readings.notes == ("1 remarks were skipped.",)
     assert len(read_readings(path, radius=0.001, format="caliper")) == 2
     with pytest.raises(InputError, match="which is taken"):
         register_format(FORMATS.builtin["grbl"])

@@ -65,7 +65,3 @@ def test_arguments_of_docstrings_are_compared_with_the_signature(tmp_path):
         'def f(a: int) -> int:\n    """Return it.\n\n    Args:\n        b: number.\n    """\n    return a\n'
     )
     assert any("DOC103" in one.text for one in language.section_findings([str(file)]))
-
-
-def test_pending_paths_exist():
-    assert [path for path in language.PENDING if not (ROOT / path).exists()] == []
