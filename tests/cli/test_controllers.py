@@ -50,6 +50,18 @@ def test_a_work_offset_with_its_tilt(run):
     assert "farthest corner" in document["wcs"]["warnings"][0]
 
 
+def test_a_frame_that_loses_the_turn_is_refused(run):
+    got = run(*LOCATE, "--wcs", "grbl:G54")
+    assert (got.code, got.out) == (1, "")
+    assert "turned by 33.01 deg" in got.err
+    accepted = run(*LOCATE, "--wcs", "grbl:G54", "--accept-turn-lost")
+    assert accepted.code == 0
+    assert "\nG10 L2 P1 X420.0" in accepted.out
+    haas = run(*LOCATE, "--wcs", "haas:G54")
+    assert haas.code == 0
+    assert haas.out.splitlines()[-1] == "G17 G68 X0. Y0. R33.013"
+
+
 @pytest.mark.parametrize("words", [("--as", "ur"), ("--wcs", "G54")])
 def test_what_is_not_decided_is_not_written(words, run, tmp_path):
     few = tmp_path / "few.csv"
@@ -80,6 +92,7 @@ def test_an_unknown_object_has_no_pose_at_all(run):
         (("--wcs", "G60"), "--wcs: expected G54 to G59.3"),
         (("--as", "ur", "--wcs", "G54"), "expected one of the two, got both"),
         (("--best-guess",), "--best-guess: expected with --as or --wcs"),
+        (("--accept-turn-lost",), "--accept-turn-lost: expected with --wcs"),
     ],
 )
 def test_misuse(words, message, run):

@@ -80,7 +80,7 @@ def test_a_frame_that_it_does_not_take_is_refused_first(run, machine, frame, wor
 
 
 def test_an_unreached_tolerance_is_not_written(run, tmp_path):
-    more = ("--max-measurements", "2", "--wcs", "grbl:G54", "--write", "--pose-prior", PRIOR)
+    more = ("--max-measurements", "2", "--wcs", "grbl:G54", "--write", "--accept-turn-lost", "--pose-prior", PRIOR)
     result = probe(run, "fake:grbl", *more)
     assert result.code != 0
     assert "nothing was written" in result.err or "Nothing is written" in result.err

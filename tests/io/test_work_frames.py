@@ -29,8 +29,8 @@ def upright(rng, tilt):
     return UncertainFrame(SE3.from_parts(turn, rng.uniform(-1, 1, 3)), C)
 
 
-def written(name, frame):
-    return write_work_frame(parse_work_frame(name), frame, CORNERS, "block: recognized (99 %)")
+def written(name, frame, **how):
+    return write_work_frame(parse_work_frame(name), frame, CORNERS, "block: recognized (99 %)", **how)
 
 
 def words(line):
@@ -57,7 +57,7 @@ def test_every_offset_has_its_number(name, p, rng):
 
 def test_a_tilt_is_reported_at_the_far_corner(rng):
     frame = upright(rng, np.radians(2.0))
-    got = written("G54", frame)
+    got = written("G54", frame, accept_lost=True)
     stated = float(re.search(r"farthest corner is ([\d.e-]+) mm", got.warnings[0])[1])
     values = words(got.text.splitlines()[-1])
     rotated = SE3.from_parts(SO3.axis_rotation(2, np.radians(values["R"])), frame.T[:3, 3])
@@ -71,13 +71,45 @@ def test_no_offset_holds_a_part_on_its_side(rng):
         written("G54", upright(rng, np.pi / 2))
 
 
-@pytest.mark.parametrize("name", ["grbl:G54", "haas:g54"])
-def test_some_offsets_have_no_turn(name, rng):
-    frame = upright(rng, 0.0)
-    got = written(name, frame)
+def turned(degrees):
+    return UncertainFrame(SE3.from_parts(SO3.axis_rotation(2, np.radians(degrees)), np.array([0.3, 0.1, -0.02])), C)
+
+
+def test_an_offset_without_turn_has_none():
+    got = written("grbl:G54", turned(-170.0), accept_lost=True)
     assert "\nG21 G90\n" in got.text
     assert " R" not in got.text.splitlines()[-1]
-    assert "cannot represent any rotation" in got.warnings[0]
+    assert "cannot represent any rotation of the part (it is turned by -170 deg)" in got.warnings[0]
+
+
+@pytest.mark.parametrize(("frame", "name"), [(turned(-170.0), "grbl:G54"), (turned(0.03), "grbl:g55")])
+def test_a_lost_turn_is_refused(frame, name):
+    with pytest.raises(InputError, match=r"mm off\. Align the part, .* --accept-turn-lost"):
+        written(name, frame)
+
+
+def test_a_lost_tilt_is_refused(rng):
+    with pytest.raises(InputError, match="cannot represent a tilt of 2 deg"):
+        written("G54", upright(rng, np.radians(2.0)))
+
+
+def test_a_turn_below_a_tenth_is_a_warning():
+    """The far corner of the box is 0.2236 m from the axis: 0.025 deg are 0.098 mm there."""
+    got = written("grbl:G54", turned(0.025))
+    assert "0.0976 mm off" in got.warnings[0]
+
+
+def test_haas_turns_by_g68(rng):
+    frame = upright(rng, 0.0)
+    got = written("haas:g55", frame)
+    offset, select, turn = got.text.splitlines()[-3:]
+    assert offset.startswith("G10 L2 P2 X")
+    assert select == "G55"
+    values = words(turn)
+    assert (values["X"], values["Y"]) == (0.0, 0.0)
+    np.testing.assert_allclose(SO3.axis_rotation(2, np.radians(values["R"])), frame.T[:3, :3], atol=1e-5)
+    assert "until G69" in "".join(got.warnings)
+    assert "G68" not in written("haas:G54", turned(0.0)).text
 
 
 @pytest.mark.parametrize(
@@ -121,7 +153,7 @@ def test_frames_that_are_none(name):
 
 @pytest.mark.skipif(shutil.which("rs274") is None, reason="rs274 of linuxcnc-uspace is not installed")
 def test_linuxcnc_takes_the_offset(rng, tmp_path):
-    frame = upright(rng, 0.01)
+    frame = upright(rng, 1e-4)
     (tmp_path / "wcs.ngc").write_text(written("G55", frame).text + "G55\nG0 X0 Y0 Z0\nM2\n", encoding="utf-8")
     (tmp_path / "tool.tbl").write_text("", encoding="utf-8")
     done = subprocess.run(

@@ -35,7 +35,7 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     start = time.perf_counter()
     if options.as_published:
         _check_published(known, options)
-    words = controller.Words(options.pose_as, options.wcs, options.best_guess)
+    words = controller.Words(options.pose_as, options.wcs, options.best_guess, options.accept_turn_lost)
     files.check_report(options.report)
     factors = options.factors()
     from tanteo.cli.image import outline_of, read_views

@@ -50,6 +50,7 @@ class Options:
     pose_as: controller.PoseAs = None
     wcs: controller.Wcs = None
     best_guess: controller.BestGuess = False
+    accept_turn_lost: controller.AcceptTurnLost = False
     json: args.Json = False
     seed: args.Seed = 0
     verbose: args.Verbose = False

@@ -62,6 +62,12 @@ Wcs = Annotated[
 BestGuess = Annotated[
     bool, _output("--best-guess", None, "With --as or --wcs: write the best pose of an ambiguous answer, too.")
 ]
+AcceptTurnLost = Annotated[
+    bool,
+    _output(
+        "--accept-turn-lost", None, "With --wcs: write a frame that omits a rotation of the part, at your own check."
+    ),
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,17 +78,21 @@ class Words:
         pose_as: name of a controller; None for none.
         wcs: work frame of a controller; None for none.
         best_guess: whether to write the best pose of an ambiguous or insufficient answer.
+        accept_turn_lost: whether to write a frame that omits a rotation of the part.
     """
 
     pose_as: str | None
     wcs: WorkFrame | None
     best_guess: bool
+    accept_turn_lost: bool = False
 
     def __post_init__(self) -> None:
         if self.pose_as is not None and self.wcs is not None:
             raise MisuseError("--as, --wcs: expected one of the two, got both. Run it once for each.")
         if self.best_guess and not self:
             raise MisuseError("--best-guess: expected with --as or --wcs, got neither. Add one, or drop --best-guess.")
+        if self.accept_turn_lost and self.wcs is None:
+            raise MisuseError("--accept-turn-lost: expected with --wcs, got none. Add it, or drop --accept-turn-lost.")
 
     def __bool__(self) -> bool:
         return self.pose_as is not None or self.wcs is not None
@@ -162,7 +172,8 @@ class Words:
         part = part_named(parts, best.part)
         sure = f"{best.probability:.1%}, largest corner sd {1e3 * best.corner_sd:.3g} mm"
         note = f"{best.part}: {answer.status}, {sure}"
-        return io.poses.write_work_frame(self.wcs, _uncertain(best), box_corners(part), note)
+        corners = box_corners(part)
+        return io.poses.write_work_frame(self.wcs, _uncertain(best), corners, note, accept_lost=self.accept_turn_lost)
 
 
 _UNVERIFIED = "the convention was not verified in the brand's documentation: confirm one pose on your controller"

@@ -64,6 +64,7 @@ class Options:
     resume: Annotated[bool, args.option("--resume", None, "Continue the session of --record.")] = False
     pose_as: controller.PoseAs = None
     wcs: controller.Wcs = None
+    accept_turn_lost: controller.AcceptTurnLost = False
     write: Annotated[
         bool, args.option("--write", None, "Set the frame of --wcs in the controller, after a confirmation.")
     ] = False
@@ -85,7 +86,7 @@ def probe(options: Options, machine: MachineOptions) -> None:
 
     All motions stay within the given limits.
     """
-    words = controller.Words(options.pose_as, options.wcs, False)
+    words = controller.Words(options.pose_as, options.wcs, False, options.accept_turn_lost)
     files.check_report(options.report)
     files.check_target("--record", options.record)
     files.check_different(("--record", options.record), ("--report", options.report), parts=[options.part])

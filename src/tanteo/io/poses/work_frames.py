@@ -1,9 +1,11 @@
 """Write a part's frame as a work coordinate system of a machine or a user frame of a robot.
 
 Sources: LinuxCNC ``G10 L2 P R`` (G-code reference, "Set Coordinate System"; the tests run the lines with ``rs274``);
-Haas' page on programmable offsets (``G10 L2 P1 G90``, no rotation); FANUC ``PR[n,k]=`` and ``UFRAME[n]=`` (public TP
+Haas' pages on programmable offsets (``G10 L2 P1 G90``, no rotation) and on ``G68`` (rotation of the programmed values
+about a point of the work frame, three decimals of a degree); FANUC ``PR[n,k]=`` and ``UFRAME[n]=`` (public TP
 programs); KUKA ``BASE_DATA`` and ``$BASE``; ABB ``wobjdata``; URScript pose variables. A work offset of a 3-axis
-machine rotates about z only. A warning states the largest position error that the omitted tilt causes on the part.
+machine rotates about z at most. A frame is refused if the omitted rotation moves a corner of the part by more than
+:data:`LOST`; below, a warning states the displacement.
 """
 
 from __future__ import annotations
@@ -11,7 +13,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 
@@ -31,6 +35,12 @@ _TILT = np.radians(45.0)
 
 _NOTABLE = 1e-6
 """Position error at a corner above which a warning is given [m]."""
+
+_Turn = Literal["none", "R", "G68"]
+"""How a work offset rotates about z: not at all, by its ``R`` word, or by a modal ``G68`` after it."""
+
+LOST = 1e-4
+"""Displacement of a corner by the omitted rotation above which a frame is refused [m]; the user accepts it by name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +101,9 @@ def parse_work_frame(text: str) -> WorkFrame:
     return WorkFrame(name, slot)
 
 
-def write_work_frame(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
+def write_work_frame(
+    where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, *, accept_lost: bool = False
+) -> WrittenFrame:
     """Return the lines that set a frame of a controller to a pose.
 
     Args:
@@ -99,12 +111,14 @@ def write_work_frame(where: WorkFrame, frame: UncertainFrame, corners: Vectors, 
         frame: pose of the part in the machine's or the robot's world, with covariance.
         corners: corners of the part's box, part frame ``(n, 3)`` [m].
         note: comment line that names the part and the uncertainty.
+        accept_lost: whether to write a frame that omits a rotation of the part, with a warning.
 
     Raises:
-        InputError: the frame rotates about z only, and the part's z axis is tilted by more than 45 degrees.
+        InputError: the frame omits a rotation that displaces a corner of the part by more than 0.1 mm, or the part's z
+            axis is tilted by more than 45 degrees.
     """
     write = CONTROLLERS[where.controller][3]
-    return write(where, frame, corners, note)
+    return write(where, frame, corners, note, accept_lost)
 
 
 def yaw_only(T: Transforms) -> Transforms:
@@ -118,7 +132,9 @@ def yaw_only(T: Transforms) -> Transforms:
     return SE3.from_parts(SO3.axis_rotation(2, angle), T[:3, 3])
 
 
-def _offset(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, *, turns: bool) -> WrittenFrame:
+def _offset(
+    where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, accept_lost: bool, turn: _Turn
+) -> WrittenFrame:
     T = frame.T
     slot = where.slot
     tilt = float(np.arccos(np.clip(T[2, 2], -1.0, 1.0)))
@@ -127,17 +143,30 @@ def _offset(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str
             f"--wcs: expected a part whose z axis points up, because a work offset has no tilt, got a tilt of "
             f"{np.degrees(tilt):.1f} deg. Turn the part's frame in CAD, or write its pose (--as matrix)."
         )
-    approximate = yaw_only(T) if turns else SE3.from_parts(np.eye(3), T[:3, 3])
-    off = np.linalg.norm(SE3.apply(T, corners) - SE3.apply(approximate, corners), axis=-1)
+    nearest = yaw_only(T)
+    x, y, z, a, _, _ = brand_fields("kuka", UncertainFrame(nearest, frame.C))
+    a = {"none": "0", "G68": f"{float(a):.3f}", "R": a}[turn]
+    held = SE3.from_parts(SO3.axis_rotation(2, np.radians(float(a))), T[:3, 3])
+    off = float(np.linalg.norm(SE3.apply(T, corners) - SE3.apply(held, corners), axis=-1).max())
+    what = f"a tilt of {np.degrees(tilt):.3g} deg"
+    if turn == "none":
+        yaw = np.degrees(np.arctan2(nearest[1, 0], nearest[0, 0]))
+        what = f"any rotation of the part (it is turned by {yaw:.4g} deg)"
+    lost = f"{slot} cannot represent {what}: the part's farthest corner is {1e3 * off:.3g} mm off."
+    if off > LOST and not accept_lost:
+        raise InputError(
+            f"--wcs: expected a frame that holds the part to {1e3 * LOST:g} mm, got {where.controller}:{slot}. {lost} "
+            "Align the part, write its pose (--as matrix), or state --accept-turn-lost."
+        )
     of = f"coordinates of {where.within}" if where.within else "machine coordinates (G53), without work offset"
     warnings = [f"positions of the readings are taken as {of}."]
-    if off.max() > _NOTABLE:
-        what = f"a tilt of {np.degrees(tilt):.3g} deg" if turns else "any rotation of the part"
-        warnings.insert(
-            0, f"{slot} cannot represent {what}: the part's farthest corner is {1e3 * off.max():.3g} mm off."
-        )
-    x, y, z, a, _, _ = brand_fields("kuka", UncertainFrame(approximate, frame.C))
-    words = f"X{x} Y{y} Z{z}" + (f" R{a}" if turns else "")
+    after = []
+    if turn == "G68" and float(a):
+        after = [slot, f"G17 G68 X0. Y0. R{a}"]
+        warnings.insert(0, f"G68 turns {slot} until G69 or the end of the program, and is an option of the control.")
+    if off > _NOTABLE:
+        warnings.insert(0, lost)
+    words = f"X{x} Y{y} Z{z}" + (f" R{a}" if turn == "R" else "")
     before: list[str] = []
     if where.within:
         before, words = _after(OFFSETS[where.within], x, y, z, a)
@@ -147,7 +176,7 @@ def _offset(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str
         "G21 G90",
     ]
     lines += [f"(warning: {_gcode_comment(text)})" for text in warnings[:-1]]
-    return WrittenFrame("\n".join([*lines, *before, f"G10 L2 P{OFFSETS[slot]} {words}", ""]), tuple(warnings))
+    return WrittenFrame("\n".join([*lines, *before, f"G10 L2 P{OFFSETS[slot]} {words}", *after, ""]), tuple(warnings))
 
 
 def _after(number: int, x: str, y: str, z: str, a: str) -> tuple[list[str], str]:
@@ -164,20 +193,12 @@ def _after(number: int, x: str, y: str, z: str, a: str) -> tuple[list[str], str]
     return before, f"{along} Z[{oz} + [{z}]] R[{turn} + [{a}]]"
 
 
-def _linuxcnc(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
-    return _offset(where, frame, corners, note, turns=True)
-
-
-def _no_turn(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
-    return _offset(where, frame, corners, note, turns=False)
-
-
 def _gcode_comment(text: str) -> str:
     """Return a text without characters that end or start a G-code comment."""
     return re.sub(r"[^\x20-\x7e]", "?", text.replace("(", "[").replace(")", "]"))
 
 
-def _fanuc(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+def _fanuc(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __: bool) -> WrittenFrame:
     """Return a TP program; ``LPOS`` makes the position register Cartesian before its elements are written."""
     register = 100
     values = brand_fields("fanuc", frame)
@@ -189,32 +210,32 @@ def _fanuc(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> Wr
     return WrittenFrame("\n".join(text), (f"position register {register} is overwritten.",))
 
 
-def _kuka(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+def _kuka(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __: bool) -> WrittenFrame:
     value = BRANDS["kuka"].syntax.format(*brand_fields("kuka", frame)).replace("{X", "{FRAME: X")
     return WrittenFrame(f"; {note}\nBASE_DATA[{where.slot}] = {value}\n$BASE = BASE_DATA[{where.slot}]\n", ())
 
 
-def _abb(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+def _abb(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __: bool) -> WrittenFrame:
     value = BRANDS["abb"].syntax.format(*brand_fields("abb", frame))
     data = f'[FALSE, TRUE, "", {value}, [[0, 0, 0], [1, 0, 0, 0]]]'
     return WrittenFrame(f"! {note}\nPERS wobjdata {where.slot} := {data};\n", ())
 
 
-def _ur(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+def _ur(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __: bool) -> WrittenFrame:
     value = BRANDS["ur"].syntax.format(*brand_fields("ur", frame))
     use = f"# a point p of the part: movel(pose_trans({where.slot}, p))"
     return WrittenFrame(f"# {note}\n{use}\nglobal {where.slot} = {value}\n", ())
 
 
-_Writer = Callable[[WorkFrame, UncertainFrame, Vectors, str], WrittenFrame]
+_Writer = Callable[[WorkFrame, UncertainFrame, Vectors, str, bool], WrittenFrame]
 _NAME = r"[A-Za-z][A-Za-z0-9_]{0,30}"
 _G = r"G5[4-9]"
 
 CONTROLLERS: Mapping[str, tuple[str, str, str, _Writer]] = MappingProxyType(
     {
-        "linuxcnc": (_G + r"|G59\.[1-3]", "G54", "G54", _linuxcnc),
-        "grbl": (_G, "G54", "G54", _no_turn),
-        "haas": (_G, "G54", "G54", _no_turn),
+        "linuxcnc": (_G + r"|G59\.[1-3]", "G54", "G54", partial(_offset, turn="R")),
+        "grbl": (_G, "G54", "G54", partial(_offset, turn="none")),
+        "haas": (_G, "G54", "G54", partial(_offset, turn="G68")),
         "fanuc": ("[1-9]", "1", "1", _fanuc),
         "kuka": (r"[1-9]|[12]\d|3[0-2]", "1", "1", _kuka),
         "abb": (_NAME, "wobj_part", "wobj_part", _abb),
