@@ -146,8 +146,8 @@ def _offset(
     nearest = yaw_only(T)
     x, y, z, a, _, _ = brand_fields("kuka", UncertainFrame(nearest, frame.C))
     a = {"none": "0", "G68": f"{float(a):.3f}", "R": a}[turn]
-    held = SE3.from_parts(SO3.axis_rotation(2, np.radians(float(a))), T[:3, 3])
-    off = float(np.linalg.norm(SE3.apply(T, corners) - SE3.apply(held, corners), axis=-1).max())
+    kept_part = SE3.from_parts(SO3.axis_rotation(2, np.radians(float(a))), T[:3, 3])
+    off = float(np.linalg.norm(SE3.apply(T, corners) - SE3.apply(kept_part, corners), axis=-1).max())
     what = f"a tilt of {np.degrees(tilt):.3g} deg"
     if turn == "none":
         yaw = np.degrees(np.arctan2(nearest[1, 0], nearest[0, 0]))
