@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import overload
 
 from tanteo.catalogue import cache as remembered
 from tanteo.catalogue.pool import Request, read_in_processes
@@ -15,10 +16,15 @@ from tanteo.catalogue.store import is_catalogue
 from tanteo.catalogue.worker import attempt
 from tanteo.errors import InputError, PartError, UnitError, check_kind
 from tanteo.parts import Part, read_part
+from tanteo.parts.picture import part_facts
 from tanteo.parts.readers import check_file, is_unitless, readable_suffixes, unit_name
+from tanteo.values import FEW, Value, html_table
 
 FEW_MESHES, SMALL_FILE = 16, 300_000
 """Largest number and size [bytes] of mesh files that are read in this process."""
+
+_SHOWN = 20
+"""Number of parts or failures that a notebook shows: one screen."""
 
 _MESHES = (".stl", ".obj", ".ply", ".off", ".3mf")
 """Suffixes of mesh files whose readers never crash or hang; readers of plug-ins may."""
@@ -37,9 +43,9 @@ class Failure:
     reason: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Parts:
-    """Parts read from files.
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Parts(Value, Sequence[Part]):
+    """Parts read from files: a sequence of parts, which may also be found by name.
 
     Attributes:
         parts: parts in the order of the files, with unique names.
@@ -55,17 +61,42 @@ class Parts:
     def __iter__(self) -> Iterator[Part]:
         return iter(self.parts)
 
-    def __getitem__(self, name: str) -> Part:
-        """Return the part with a given name.
+    def __contains__(self, part: object) -> bool:
+        return any(one is part or one.name == part for one in self.parts)
+
+    @overload
+    def __getitem__(self, key: int | str) -> Part: ...
+
+    @overload
+    def __getitem__(self, key: slice) -> tuple[Part, ...]: ...
+
+    def __getitem__(self, key: int | str | slice) -> Part | tuple[Part, ...]:
+        """Return a part by its name or number, or several parts by a slice.
 
         Raises:
-            InputError: there is no such part.
+            InputError: there is no part with this name.
+            IndexError: there is no part with this number.
         """
+        if not isinstance(key, str):
+            return self.parts[key]
         for part in self.parts:
-            if part.name == name:
+            if part.name == key:
                 return part
         known = ", ".join(part.name for part in self.parts[:10])
-        raise InputError(f"name: expected one of {known}, got {name!r}. Check the names of the parts.")
+        raise InputError(f"name: expected one of {known}, got {key!r}. Check the names of the parts.")
+
+    def __repr__(self) -> str:
+        names = ", ".join(part.name for part in self.parts[:FEW])
+        more = f", {len(self.parts) - FEW} more" if len(self.parts) > FEW else ""
+        return f"Parts({names}{more}; failures: {len(self.failures)})"
+
+    def _repr_html_(self) -> str:
+        shown = self.parts[:_SHOWN]
+        rows = [(part.name, *part_facts(part).values()) for part in shown]
+        more = [f"{len(self) - len(shown)} more parts."] if len(self) > len(shown) else []
+        notes = more + [f"{one.path}: {one.reason}" for one in self.failures[:_SHOWN]]
+        headers = ["part", *(part_facts(shown[0]) if shown else ())]
+        return html_table(f"{len(self)} parts", headers, rows, " ".join(notes))
 
 
 def read_parts(

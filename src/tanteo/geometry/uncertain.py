@@ -11,6 +11,7 @@ from tanteo.geometry import se3 as SE3
 from tanteo.geometry.covariances import check_covariances, symmetrised, unit_diagonal
 from tanteo.geometry.propagation import compose_arrays, compose_fourth_order, invert_arrays, relate_arrays
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
+from tanteo.values import Value, lock
 
 _RIGID = 1e-6
 
@@ -42,8 +43,8 @@ def check_transforms(name: str, T: Transforms) -> Transforms:
     return T
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class UncertainFrame:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class UncertainFrame(Value):
     """Frame with uncertainty: ``T_true = T exp(e)``, ``e ~ N(0, C)``. The batch axes of both fields broadcast.
 
     Attributes:
@@ -67,6 +68,7 @@ class UncertainFrame:
 
     def __post_init__(self) -> None:
         self._keep(check_transforms("T", self.T), check_covariances("C", self.C, 6))
+        lock(self)
 
     def _keep(self, T: Transforms, C: Covariances) -> None:
         batch = np.broadcast_shapes(T.shape[:-2], C.shape[:-2])

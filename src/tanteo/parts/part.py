@@ -106,3 +106,8 @@ class Part:
         size = " x ".join(f"{1e3 * side:.4g}" for side in self.box[1] - self.box[0])
         counts = f"{len(self.planes)} planes, {len(self.edges)} edges, {len(self.corners)} corners"
         return f"Part({self.name!r}, {size} mm, {counts}, {len(self.faces) - len(self.planes)} curved faces)"
+
+    def _repr_html_(self) -> str:
+        from tanteo.parts.picture import part_html
+
+        return part_html(self)

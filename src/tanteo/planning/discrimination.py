@@ -20,6 +20,7 @@ from tanteo.planning.state import SensingState, begin
 from tanteo.planning.utility import about_mode
 from tanteo.posterior import PreparedPart, Priors, Problem, identify_points, prepare_all, refine_poses
 from tanteo.posterior.answers import corner_moves
+from tanteo.values import Value
 from tanteo.words.findings import NoPlaceReached, ReadingDiscriminates
 
 _PLACES = 60
@@ -43,8 +44,8 @@ _TWINS = 4
 """Largest number of relative poses of the two parts from the search."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Discrimination:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Discrimination(Value):
     """Best single reading to discriminate two parts.
 
     Attributes:

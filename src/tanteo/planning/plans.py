@@ -25,6 +25,7 @@ from tanteo.planning.places import check_feature, places_of
 from tanteo.planning.probe import Probe
 from tanteo.planning.start import Start
 from tanteo.posterior.answers import corner_sd, observed_covariance
+from tanteo.values import Value
 from tanteo.words import Finding, message_of
 from tanteo.words.findings import (
     FaceOftenMissed,
@@ -94,8 +95,8 @@ class PlannedReading:
         return self.corner_sd if np.isnan(self.feature_sd) else self.feature_sd
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Plan:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Plan(Value):
     """Planned readings, in the order of their benefit.
 
     Attributes:

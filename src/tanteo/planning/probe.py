@@ -11,6 +11,7 @@ from tanteo.geometry.limits import LARGEST, LEAST_SD
 from tanteo.geometry.typing import BoolArray, FloatArray, Vectors
 from tanteo.hand import Workspace
 from tanteo.sensors.presets import NoiseLaw, RobotPreset, SensorPreset, robot_preset, sensor_preset
+from tanteo.values import Value, lock
 
 _POSITIVE = ("max_range", "standoff", "clearance", "retreat", "speed")
 _NOT_NEGATIVE = (
@@ -19,8 +20,8 @@ _NOT_NEGATIVE = (
 """Fields of a probe that must not be negative."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Probe:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Probe(Value):
     """Model of a beam or a touch probe, its errors, and the limits of its approach.
 
     Attributes:
@@ -96,6 +97,7 @@ class Probe:
         for n in ("approach", "stylus"):
             if getattr(self, n) is not None:
                 object.__setattr__(self, n, self._direction(n))
+        lock(self)
 
     def _refused(self, field: str, expected: str, got: str) -> InputError:
         return InputError(f"probe '{self.name}', {field}: expected {expected}, got {got}.")

@@ -15,6 +15,7 @@ from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
 from tanteo.parts import Part
 from tanteo.parts.readers import as_part
 from tanteo.posterior import Hypothesis, PoseMixture, PosePrior, PreparedPart, Priors, prepare_all, sized
+from tanteo.values import Value, lock
 
 ORIGIN_SDS = 0.005, float(np.radians(3.0))
 """Default standard deviations of a prior pose along [m] and about [rad] each axis."""
@@ -23,8 +24,8 @@ _BEYOND = 1.2
 """Spread of sampled prior poses, as a multiple of the prior standard deviations."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Start:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Start(Value):
     """Prior poses of parts as a mixture of normal densities, given that one of the parts is present.
 
     Attributes:
@@ -83,6 +84,7 @@ class Start:
         for name, value in (("Ts", Ts), ("covariances", C), ("weights", w)):
             object.__setattr__(self, name, np.require(value, requirements="C"))
         object.__setattr__(self, "priors", sized(self.priors, radius))
+        lock(self)
 
     def __len__(self) -> int:
         return len(self.part)

@@ -15,6 +15,7 @@ from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray,
 from tanteo.planning.start import Start
 from tanteo.posterior import Mode, Posterior, PreparedPart, Problem, posterior_of_factors, update_posterior
 from tanteo.posterior.update import on_part
+from tanteo.values import Value, lock
 
 _LEAST_P = 1e-12
 """Smallest probability of a mode, so that the best pose is kept even if the object is almost certainly unknown."""
@@ -35,8 +36,8 @@ class WeightedPoses:
     weights: FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SensingState:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class SensingState(Value):
     """State of a session after some readings.
 
     Attributes:
@@ -79,6 +80,7 @@ class SensingState:
             )
         for name, value in zip(("poses", "covariances", "part", "weights", "rows"), values, strict=True):
             object.__setattr__(self, name, value)
+        lock(self)
 
     @property
     def touches(self) -> ContactPoints | None:

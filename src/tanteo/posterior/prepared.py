@@ -14,10 +14,11 @@ from tanteo.catalogue.signatures import faces_of
 from tanteo.geometry.typing import IntArray, Vectors
 from tanteo.parts import Part, Surface, as_parts
 from tanteo.parts.shapes import DistanceField, distance_field
+from tanteo.values import Value
 
 
-@dataclass(frozen=True, eq=False)
-class PreparedPart:
+@dataclass(frozen=True, eq=False, repr=False)
+class PreparedPart(Value):
     """A part with everything that the likelihood needs; each property is computed or opened on first use.
 
     Attributes:
@@ -25,6 +26,10 @@ class PreparedPart:
     """
 
     part: Part
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what copies and other processes need: the part, from which everything else is computed again."""
+        return prepare, (self.part,)
 
     @cached_property
     def shape(self) -> _core.Shape:

@@ -12,10 +12,11 @@ import numpy.typing as npt
 
 from tanteo.errors import ReadingsError
 from tanteo.geometry.typing import BoolArray, FloatArray
+from tanteo.values import Value
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Column:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Column(Value):
     """One quantity of ``n`` readings, of which only some readings have a number, a vector or a matrix.
 
     The column holds a mask and the numbers of the readings in the mask, without gaps. No number stands for "missing".

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,6 +14,7 @@ from tanteo.geometry import frozen_array
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms, Vectors
 from tanteo.sensors.checks import check_readings
 from tanteo.sensors.columns import Column, column_of, joined, real_numbers, unit_vectors
+from tanteo.values import Value, html_table
 
 
 def names_of(values: Sequence[object]) -> tuple[str, ...]:
@@ -22,6 +24,10 @@ def names_of(values: Sequence[object]) -> tuple[str, ...]:
         values: names of any type.
     """
     return tuple("" if v is None or v != v else str(v) for v in values)
+
+
+def _cell(value: float) -> str:
+    return f"{value:.4f}" if np.isfinite(value) else ""
 
 
 def flags_of(value: BoolArray) -> BoolArray:
@@ -81,11 +87,14 @@ _COLUMNS = {
 }  # fmt: skip
 """Columns that only some readings have, with the shape of their quantity."""
 
+_SHOWN = 20
+"""Number of readings that a notebook shows: one screen."""
+
 _NAMES = ("ids", "features", "kinds", "sensors", "material_sides")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Readings:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Readings(Value):
     """``n`` readings as a structure of columns.
 
     A :class:`~tanteo.sensors.Column` has numbers of only those readings whose device reported them: ``given`` is the
@@ -162,6 +171,21 @@ class Readings:
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(f"{count} {kind}" for kind, count in Counter(self.kinds).items())
+        given = [name for name in _COLUMNS if getattr(self, name).given.any()]
+        return f"Readings({len(self)} of {self.source!r}: {kinds}; with {', '.join(given)})"
+
+    def _repr_html_(self) -> str:
+        points, sds = (self.points.filled(np.nan), self.sds.filled(np.nan))
+        rows = [
+            [self.ids[i], self.kinds[i], self.features[i], *[_cell(1e3 * x) for x in (*points[i], sds[i])]]
+            for i in range(min(len(self), _SHOWN))
+        ]
+        more = [f"{len(self) - _SHOWN} more readings."] if len(self) > _SHOWN else []
+        headers = ["id", "kind", "label", "x mm", "y mm", "z mm", "sd mm"]
+        return html_table(f"{len(self)} readings of {self.source}", headers, rows, " ".join([*more, *self.notes]))
 
     @classmethod
     def from_columns(

@@ -11,10 +11,11 @@ import numpy as np
 from tanteo.errors import InputError, did_you_mean
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.sensors.presets import SensorPreset
+from tanteo.values import Value, lock
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RigSensor:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RigSensor(Value):
     """One range sensor on the hand.
 
     Attributes:
@@ -94,6 +95,7 @@ class RigSensor:
                 f"sd_prop of sensor '{self.name}': expected sd beside it, got none. Give both, or neither to use the "
                 "preset's noise."
             )
+        lock(self)
 
 
 def _check_unit(sensor: RigSensor, first: RigSensor) -> None:
@@ -109,8 +111,8 @@ def _check_unit(sensor: RigSensor, first: RigSensor) -> None:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Rig:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Rig(Value):
     """Range sensors of one hand.
 
     Attributes:
@@ -127,6 +129,7 @@ class Rig:
             raise InputError(f"{self.source}: expected sensors with names of their own, got {names}.")
         for sensor in self.sensors:
             _check_unit(sensor, next(s for s in self.sensors if s.device == sensor.device))
+        lock(self)
 
     def numbers(self, names: Sequence[str]) -> np.ndarray:
         """Return the index into ``sensors`` of every name; -1 for an empty name.

@@ -16,6 +16,7 @@ import numpy as np
 from tanteo.errors import InputError, MissingExtraError
 from tanteo.geometry import check_covariance, frozen_array
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.values import Value, lock
 from tanteo.vision.settings import EDGES, NEWTON_STEPS
 
 PIXELS = 64_000_000
@@ -45,8 +46,8 @@ DISTORTION_COUNTS = (0, 4, 5, 8)
 """Definition: a distortion model has k1 k2 p1 p2, then k3, then k4 k5 k6."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Camera:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Camera(Value):
     """A calibrated camera.
 
     Attributes:
@@ -100,6 +101,7 @@ class Camera:
             object.__setattr__(self, "T_world_camera", rigid("T_world_camera", self.T_world_camera))
         if self.covariance is not None:
             object.__setattr__(self, "covariance", check_covariance("camera, covariance", self.covariance, 6))
+        lock(self)
 
     @property
     def numbers(self) -> FloatArray:

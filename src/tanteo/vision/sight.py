@@ -16,6 +16,7 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Part, StoredParts, as_parts
 from tanteo.posterior import Answer, OnTable
+from tanteo.values import Value
 from tanteo.vision.answers import ImageMode, Question, deciding_touch, hypothesis, judged, too_many
 from tanteo.vision.camera import Camera, on_plane
 from tanteo.vision.candidates import candidates_in, own_edges
@@ -83,8 +84,8 @@ def _largest(parts: Sequence[Any]) -> float:
     return max(float(part_of(one).diagonal) for one in parts)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sighting:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Sighting(Value):
     """One object in an image.
 
     Attributes:
@@ -111,8 +112,8 @@ class Sighting:
     log_known: float = -np.inf
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sight:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Sight(Value):
     """The objects of one image, with its edges and ellipses.
 
     Attributes:

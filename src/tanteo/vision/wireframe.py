@@ -5,7 +5,8 @@ Samples of the rims of holes and bosses are on their circles, not on the chords 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from tanteo.fitting.localization import motion_scale
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 from tanteo.parts import Part, Rim, Surface, round_features
 from tanteo.parts.readers import mesh_edges
+from tanteo.values import Value, lock
 from tanteo.vision.settings import SEARCH
 
 _EXACT = 1e-4
@@ -21,8 +23,8 @@ _EXACT = 1e-4
 share of the part's diagonal. Meshes have more digits."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Wireframe:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Wireframe(Value):
     """Samples of a part's edges.
 
     Attributes:
@@ -64,6 +66,11 @@ class Wireframe:
         scale = motion_scale(self.diagonal, self.middle)
         for name, value in (("scale", scale), ("to_unit", np.linalg.inv(scale)), ("compiled", compiled)):
             object.__setattr__(self, name, value)
+        lock(self)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what copies and other processes need; the rest is computed again."""
+        return Wireframe, tuple(getattr(self, one.name) for one in fields(self) if one.init)
 
     def __len__(self) -> int:
         return len(self.points)

@@ -11,14 +11,15 @@ from tanteo.geometry import SE3, SO3
 from tanteo.geometry.limits import LARGEST
 from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.sensors import Readings
+from tanteo.values import Value, lock
 from tanteo.words import Finding
 
 _BEYOND = 3.0
 """Multiple of the largest range beyond which a finite distance is probably a value in another unit."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Action:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Action(Value):
     """Next reading to make.
 
     Attributes:
@@ -69,6 +70,7 @@ class Action:
         if not (0 < self.max_range <= LARGEST):
             got = f"got {self.max_range:g} m. Correct it."
             raise InputError(f"action {self.number}, max_range: expected a positive length, {got}")
+        lock(self)
 
     @property
     def T_world_probe(self) -> Transforms:

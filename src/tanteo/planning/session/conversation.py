@@ -28,14 +28,15 @@ from tanteo.planning.stopping import Stop
 from tanteo.planning.whole import Offers
 from tanteo.posterior import Answer, PosePrior
 from tanteo.sensors import Readings, check_readings_kind, concatenate, find_stuck
+from tanteo.values import Value
 from tanteo.words.findings import NoPartLeft, NoPlaceReached, Stuck
 
 _CANDIDATES = 500
 """Number of candidate readings for each choice."""
 
 
-@dataclass(slots=True, eq=False)
-class Session:
+@dataclass(slots=True, eq=False, repr=False)
+class Session(Value):
     """Sequential sensing of one object: posterior, readings and actions.
 
     :meth:`ask` and :meth:`tell` are the ask-and-tell interface of sequential optimizers.

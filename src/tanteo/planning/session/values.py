@@ -14,11 +14,12 @@ from tanteo.planning.probe import Probe
 from tanteo.planning.session.action import Action
 from tanteo.sensors import PointMeasurements, Readings, Rig, measure
 from tanteo.sensors.presets import RobotPreset, SensorPreset
+from tanteo.values import Value, lock
 from tanteo.words import Finding, message_of
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sensing:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Sensing(Value):
     """Noise model by which a session converts readings into measurements, see :func:`tanteo.sensors.measure`.
 
     Attributes:
@@ -51,6 +52,7 @@ class Sensing:
             check_length("sd", self.sd, LEAST_SD)
         if self.bias_sd is not None:
             check_length("bias_sd", self.bias_sd, LEAST_SD)
+        lock(self)
 
     def measured(self, readings: Readings, beam_half_angle: float = np.nan) -> PointMeasurements:
         """Convert readings into points in the world frame with covariances, and free-space rays.
@@ -112,8 +114,8 @@ class Done:
         return replace(self, findings=(*self.findings, *(one for one in findings if one is not None)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Step:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Step(Value):
     """Summary of the posterior after one observation.
 
     Attributes:
@@ -146,8 +148,8 @@ class Step:
         return message_of(self.findings)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Observation:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Observation(Value):
     """Readings that a session received together, as a record stores them.
 
     Attributes:

@@ -11,6 +11,7 @@ from tanteo.geometry import SE3, check_covariances, check_transforms
 from tanteo.geometry.limits import LEAST_SD, check_length, check_places, check_spreads
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
 from tanteo.parts import Part
+from tanteo.values import Value, lock
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,8 +44,8 @@ class Table:
         return SE3.from_parts(np.stack([x, np.cross(self.normal, x), self.normal], axis=1), self.point)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PosePrior:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PosePrior(Value):
     """Prior of the pose. Without any entry, place and attitude are uniform in the workspace.
 
     Attributes:
@@ -92,6 +93,7 @@ class PosePrior:
                 raise InputError(f"prior, box: expected lowest and highest x, y, z, got {box.tolist()}.")
             check_places("prior, box", box)
             object.__setattr__(self, "box", box)
+        lock(self)
 
 
 def prior_rows(

@@ -9,13 +9,14 @@ from typing import Literal
 from tanteo.defaults import SIGNIFICANCE
 from tanteo.fitting.localization import SharedGiven
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
-from tanteo.words import Finding, Motion, message_of
+from tanteo.values import Value, html_table
+from tanteo.words import Finding, Motion, message_of, percent
 
 Status = Literal["recognized", "ambiguous", "unknown", "insufficient"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Hypothesis:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Hypothesis(Value):
     """One possible answer: a part at a pose. Poses that are equal by symmetry are one hypothesis.
 
     Attributes:
@@ -81,8 +82,8 @@ class Hypothesis:
     shared: SharedGiven | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Answer:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Answer(Value):
     """Result of a recognition: which part was sensed, where it is, and how certain that is.
 
     Attributes:
@@ -138,3 +139,24 @@ class Answer:
     def covariance(self) -> Covariances | None:
         """Return the covariance of :attr:`pose` ``(6, 6)``, as :attr:`Hypothesis.covariance`; None without one."""
         return self.best.covariance if self.best is not None else None
+
+    def __repr__(self) -> str:
+        best = self.best
+        if best is None:
+            return f"Answer({self.status}; unknown object {percent(self.unknown_probability)})"
+        x, y, z = best.T_world_part[:3, 3]
+        return (
+            f"Answer({self.status}; {best.part} {percent(best.probability)} at x={x:.6g} y={y:.6g} z={z:.6g} m, "
+            f"corner_sd={best.corner_sd:.3g} m; hypotheses: {len(self.hypotheses)}, unknown object "
+            f"{percent(self.unknown_probability)})"
+        )
+
+    def _repr_html_(self) -> str:
+        headers = ["part", "probability", "x mm", "y mm", "z mm", "corner sd mm", "p", "outliers"]
+        rows = []
+        for one in self.hypotheses:
+            x = [f"{1e3 * value:.3f}" for value in one.T_world_part[:3, 3]]
+            numbers = [*x, f"{1e3 * one.corner_sd:.3g}", f"{one.p_value:.3g}", ", ".join(one.outliers)]
+            rows.append([one.part, percent(one.probability), *numbers])
+        rows.append(["unknown object", percent(self.unknown_probability), *[""] * 6])
+        return html_table(self.status, headers, rows, self.message)

@@ -12,6 +12,7 @@ from tanteo.geometry import SO3, freeze
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms
 from tanteo.sensors.calibration.fit import Fit
 from tanteo.sensors.calibration.log import PlaneLog, Repeats
+from tanteo.values import Value, lock
 from tanteo.words import message_of
 from tanteo.words.findings import Finding, Undetermined
 
@@ -88,8 +89,8 @@ class Outlier:
     reason: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Calibration:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Calibration(Value):
     """Result of a calibration.
 
     Attributes:
@@ -123,6 +124,7 @@ class Calibration:
 
     def __post_init__(self) -> None:
         freeze(self, "ranges", "incidences", "residuals", "sds", "cov")
+        lock(self)
 
     @property
     def message(self) -> str:
