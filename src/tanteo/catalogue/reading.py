@@ -16,7 +16,6 @@ from tanteo.catalogue.store import is_catalogue
 from tanteo.catalogue.worker import attempt
 from tanteo.errors import InputError, PartError, UnitError, check_kind
 from tanteo.parts import Part, read_part
-from tanteo.parts.picture import part_facts
 from tanteo.parts.readers import check_file, is_unitless, readable_suffixes, unit_name
 from tanteo.values import FEW, Value, html_table
 
@@ -92,10 +91,10 @@ class Parts(Value, Sequence[Part]):
 
     def _repr_html_(self) -> str:
         shown = self.parts[:_SHOWN]
-        rows = [(part.name, *part_facts(part).values()) for part in shown]
+        rows = [(part.name, *part.summary().values()) for part in shown]
         more = [f"{len(self) - len(shown)} more parts."] if len(self) > len(shown) else []
         notes = more + [f"{one.path}: {one.reason}" for one in self.failures[:_SHOWN]]
-        headers = ["part", *(part_facts(shown[0]) if shown else ())]
+        headers = ["part", *(shown[0].summary() if shown else ())]
         return html_table(f"{len(self)} parts", headers, rows, " ".join(notes))
 
 

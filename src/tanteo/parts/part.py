@@ -102,6 +102,18 @@ class Part:
         """Length of the diagonal of :attr:`box` [m]."""
         return float(np.linalg.norm(self.box[1] - self.box[0]))
 
+    def summary(self) -> dict[str, str]:
+        """Return the size of the part and the numbers of its features, as text by heading."""
+        return {
+            "size mm": " x ".join(f"{1e3 * side:.4g}" for side in self.box[1] - self.box[0]),
+            "planes": str(len(self.planes)),
+            "curved faces": str(len(self.faces) - len(self.planes)),
+            "edges": str(len(self.edges)),
+            "corners": str(len(self.corners)),
+            "equal poses": str(self.symmetry.order),
+            "repairs": " ".join(self.repairs),
+        }
+
     def __repr__(self) -> str:
         size = " x ".join(f"{1e3 * side:.4g}" for side in self.box[1] - self.box[0])
         counts = f"{len(self.planes)} planes, {len(self.edges)} edges, {len(self.corners)} corners"

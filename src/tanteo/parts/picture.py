@@ -22,23 +22,9 @@ _LIGHT = np.array([0.35, -0.45, 0.82])
 """Direction to the light, from above, left of the viewer."""
 
 
-def part_facts(part: Part) -> dict[str, str]:
-    """Return the size of a part and the number of its features, as text by heading."""
-    size = " x ".join(f"{1e3 * side:.4g}" for side in part.box[1] - part.box[0])
-    return {
-        "size mm": size,
-        "planes": str(len(part.planes)),
-        "curved faces": str(len(part.faces) - len(part.planes)),
-        "edges": str(len(part.edges)),
-        "corners": str(len(part.corners)),
-        "equal poses": str(part.symmetry.order),
-        "repairs": " ".join(part.repairs),
-    }
-
-
 def part_html(part: Part) -> str:
     """Return the picture of a part and its facts for a notebook."""
-    facts = part_facts(part)
+    facts = part.summary()
     return part_svg(part) + html_table(part.name, list(facts), [list(facts.values())], part.source)
 
 
