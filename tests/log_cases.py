@@ -95,6 +95,44 @@ def urscript():
     )
 
 
+def tinyg():
+    lines = [f'{{"r":{{"prb":{{"e":1,"x":{x:.3f},"y":{y:.3f},"z":{z:.3f},"a":0.000}}}},"f":[1,0,0,9523]}}'
+             for x, y, z in P]  # fmt: skip
+    return "\n".join([lines[0], *lines, '{"prb":{"e":0,"x":1.000,"y":2.000,"z":3.000}}', ""])
+
+
+def listing():
+    out = []
+    for k, (p, n) in enumerate(zip(P.tolist(), UP.tolist(), strict=True), start=1):
+        place, vector = (",".join(f"{x:.4f}" for x in v) for v in (p, n))
+        out += [f"PNT{k}       =FEAT/CONTACT/VECTOR POINT/DEFAULT,CARTESIAN",
+                f"            THEO/<0.0000,0.0000,{k}.0000>,<{vector}>", f"            ACTL/<{place}>,<{vector}>",
+                f"            TARG/<0.0000,0.0000,0.0000>,<{vector}>", "            SNAP=NO"]  # fmt: skip
+    return "\n".join([*out, "PLN1 =FEAT/PLANE,CARTESIAN,TRIANGLE", "ACTL/<0,0,0>,<0,0,1>", ""])
+
+
+def report():
+    out = []
+    for k, place in enumerate(P, start=1):
+        out += [f"DIM LOC{k}= LOCATION OF POINT PNT{k}  UNITS=MM ,$", "GRAPH=OFF  TEXT=OFF",
+                "AX    NOMINAL       +TOL       -TOL       MEAS        DEV     OUTTOL"]  # fmt: skip
+        out += [f"{axis}      1.0000     0.0500     0.0500   {x:8.4f}     0.0100     0.0000 ----#----"
+                for axis, x in zip("XYZ", place, strict=True)]  # fmt: skip
+    return "\n".join([*out, "END OF DIMENSION", ""])
+
+
+def characteristics():
+    out = ["planid\tpartnb\tid\ttype\tidsymbol\tactual\tnominal\tfeatureid\tunit"]
+    for k, place in enumerate(P, start=1):
+        out += [f"plan\t1\tP{k}_{axis}\tX1\t{axis}Value\t{x:.7f}\t0.0\tP{k}\tmm"
+                for axis, x in zip("xyz", place, strict=True)]  # fmt: skip
+    return "\n".join([*out, "plan\t1\tF1\tF1\tflatness\t0.01\t0.0\tPL1\tmm", "END", ""])
+
+
+def words(form, end="\n"):
+    return "POPEN\n" + "".join(form.format(k, *p) + end for k, p in enumerate(P, start=1))
+
+
 PLY_HEAD = "ply\nformat {} 1.0\nelement vertex 4\nproperty double x\nproperty double y\nproperty float z\n"
 NORMALS = "property float nx\nproperty float ny\nproperty float nz\n"
 PCD_HEAD = (
@@ -148,6 +186,38 @@ CASES = {
     "csv in UTF-16": ("csv", ("X\tY\tZ\nmm\tmm\tmm\n" + rows(P, "\t")).encode("utf-16"), {}),
     "csv with sep": ("csv", "sep=;\nx;y;z\n" + rows(P, ";"), MM),
     "csv without units": ("csv", "x,y,z\n" + rows(P, ","), MM),
+    "tinyg": ("tinyg", tinyg(), {"radius": 0.0015}),
+    "klipper": ("klipper", "".join(f"// probe at {x:.3f},{y:.3f} is z={z:.6f}\n" for x, y, z in P), {}),
+    "klipper since 2026": (
+        "klipper", "".join(f"// probe: at {x:.3f},{y:.3f} bed will contact at z={z:.6f}\n" for x, y, z in P), {}
+    ),
+    "marlin": ("marlin", "".join(f"Bed X: {x:.2f} Y: {y:.2f} Z: {z:.2f}\nok\n" for x, y, z in P), {}),
+    "pcdmis": ("pcdmis", listing(), MM),
+    "pcdmis report": ("pcdmis", report(), {}),
+    "calypso": ("calypso", characteristics(), {}),
+    "dprnt": ("words", words("N{} X{:9.4f}Y{:9.4f}Z{:9.4f}").replace("Z  -7", "Z-  7"), MM),
+    "words with signs": ("words", words("POINT {}  X={:+.3f}  Y={:+.3f}  Z={:+.3f}"), MM),
+    "words on three lines": ("words", words("TOUCH {}\nX-ACTUAL: {:.3f}\nY-ACTUAL: {:.3f}\nZ-ACTUAL: {:.3f}"), MM),
+    "words with vectors": (
+        "words", "".join(f"P{k}, X={x}, Y={y}, Z={z}, I={i}, J={j}, K={c}\n"
+                         for k, (x, y, z, i, j, c) in enumerate(np.c_[P, UP].tolist(), start=1)), MM,
+    ),
+    "xyzijk with names": (
+        "xyzijk", "".join(f"P{k + 1} {row}" for k, row in enumerate(rows(np.c_[P, UP]).splitlines(True))), MM
+    ),
+    "xyzijk with names and tolerances": (
+        "xyzijk", "".join(f'"top {k}" {row.strip()} 0.1 -0.1 0.1 SP\n'
+                          for k, row in enumerate(rows(np.c_[P, UP]).splitlines())), MM,
+    ),
+    "points in collections": (
+        "asc", "".join(f"A MEAS p{k},{row}" for k, row in enumerate(rows(P, ",").splitlines(True))), MM
+    ),
+    "numbered points": ("asc", "".join(f"{k + 1};{row}" for k, row in enumerate(rows(P, ";").splitlines(True))), MM),
+    "points with head angles": ("asc", "".join(f"{row.strip()} 7.5 -90.0\n" for row in rows(P).splitlines()), MM),
+    "csv with titles": (
+        "csv", "Messprotokoll;;\nTeil;Lasche;\n\nPunkt;X (mm);Y (mm);Z (mm);Bemerkung\n"
+        + "".join(f"P{k};{row};gut\n" for k, row in enumerate(rows(P, ";").replace(".", ",").splitlines())), {},
+    ),
     "csv of XYZIJK": ("csv", "X,Y,Z,I,J,K\n" + rows(np.c_[P, UP], ","), MM),
 }  # fmt: skip
 

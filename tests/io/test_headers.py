@@ -55,17 +55,66 @@ def test_names_in_any_spelling(tmp_path, written, name):
     [
         ("diameter_mm", "name the column radius_mm and halve the values"),
         ("Ball Diameter (mm)", "name the column radius_mm"),
+    ],
+)
+def test_a_diameter_decides_what_the_points_are(tmp_path, name, advice):
+    path = save(tmp_path, ["x_mm", "y_mm", "z_mm", name], [[1, 2, 3, 4]])
+    with pytest.raises(InputError) as caught:
+        read_readings(path)
+    assert advice in str(caught.value)
+    assert "Did you mean" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "advice"),
+    [
         ("sigma_mm", "name the column sd_mm"),
         ("vx", "nx, ny, nz if they point out of the material, dx, dy, dz if into it"),
         ("distance_mm", "name the column range_mm"),
     ],
 )
 def test_advice_goes_by_meaning(tmp_path, name, advice):
-    path = save(tmp_path, ["x_mm", "y_mm", "z_mm", name], [[1, 2, 3, 4]])
+    readings = read_readings(save(tmp_path, ["x_mm", "y_mm", "z_mm", name], [[1, 2, 3, 4]]))
+    assert any(f"Column '{name}' was excluded." in note and advice in note for note in readings.notes)
     with pytest.raises(InputError) as caught:
-        read_readings(path)
+        read_readings(save(tmp_path, ["x_mm", "y_mm", name], [[1, 2, 4]]))
     assert advice in str(caught.value)
     assert "Did you mean" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "name", ["Collection", "Temp 1", "dX [mm]", "Bemerkung", "A", "Kommentar", "bogus", "X Soll", ""]
+)
+def test_other_columns_are_left_out_of_clear_coordinates(tmp_path, name):
+    readings = read_readings(save(tmp_path, ["X Ist (mm)", "Y Ist (mm)", "Z Ist (mm)", name], [[1, 2, 3, 4]]))
+    np.testing.assert_allclose(readings.points, [[1e-3, 2e-3, 3e-3]])
+    assert readings.notes == (f"Columns excluded: {name or '(no name)'}.",)
+    assert not readings.directions.given.any()
+
+
+def test_directions_of_many_lengths_are_deviations(tmp_path):
+    names = ["x_mm", "y_mm", "z_mm", "dX", "dY", "dZ"]
+    rows = np.c_[np.arange(12).reshape(4, 3), np.diag([0.01, 0.2, 0.03, 0.1])[:, :3] + 0.001]
+    readings = read_readings(save(tmp_path, names, rows))
+    assert not readings.directions.given.any()
+    assert any("dX, dY, dZ" in note and "deviations" in note for note in readings.notes)
+    assert read_readings(save(tmp_path, names, np.c_[rows[:, :3], [[0, 0, -5.0]] * 4])).directions.given.all()
+
+
+@pytest.mark.parametrize("mark", [";", "\t", ","])
+@pytest.mark.parametrize("titles", ["Messprotokoll vom 3. Mai\n", "Part{0}bracket\nDate{0}2026-01-02\n\n"])
+def test_title_lines_above_the_header_are_skipped(tmp_path, mark, titles):
+    path = tmp_path / "r.csv"
+    text = titles.format(mark) + mark.join(["Punkt", "X", "Y", "Z"]) + "\n"
+    text += "".join(mark.join([f"P{k}", "1.5", f"{k}", "3"]) + "\n" for k in range(3))
+    path.write_text(text)
+    readings = read_readings(path, units="mm")
+    assert readings.ids == ("P0", "P1", "P2")
+    np.testing.assert_allclose(readings.points[1], [1.5e-3, 1e-3, 3e-3])
+    assert "title line" in readings.notes[0]
+    path.write_text(text.replace("P2", "P1"))
+    with pytest.raises(InputError, match=f"line {text.count(chr(10))}, column 'Punkt'"):
+        read_readings(path, units="mm")
 
 
 @pytest.mark.parametrize("brand", ["fanuc", "kuka", "yaskawa", "mitsubishi", "kawasaki", "abb", "ur", "denso", "comau"])

@@ -122,7 +122,7 @@ QUAT = "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm,hand_qw,hand_qx,hand_qy,han
         ("id,sd_mm\n1,2\n", ReadingsError, "Add where the points are"),
         ("x_mm,y_mm,z_mm,featur\n1,2,3,A\n", ReadingsError, "Did you mean 'feature'"),
         ("x_mm,y_mm,z_mm,nomral_sd_deg\n1,2,3,A\n", ReadingsError, "Did you mean 'normal_sd_deg'"),
-        ("x_mm,y_mm,z_mm,\n1,2,3,\n", ReadingsError, "column 4: expected a name, got nothing"),
+        ("x_mm,y_mm,\n1,2,\n", ReadingsError, "column 3: expected a name, got nothing"),
         (GOOD + "c,1,2,3x\n", ReadingsError, "line 4, column 'z_mm': expected a finite number, got '3x'"),
         (GOOD + "\n# c\nc,1,2,nan\n", ReadingsError, "line 6, column 'z_mm': expected a finite number, got 'nan'"),
         (GOOD + "c,1,inf,3\n", ReadingsError, "column 'y_mm': expected a finite number, got 'inf'"),

@@ -24,7 +24,10 @@ def test_the_same_points_whoever_wrote_them(tmp_path, case):
     np.testing.assert_array_equal(again.points, readings.points)
 
 
-@pytest.mark.parametrize("case", ["fusion", "xyzijk", "dmis", "qif", "csv of XYZIJK"])
+@pytest.mark.parametrize(
+    "case",
+    ["fusion", "xyzijk", "xyzijk with names", "dmis", "qif", "pcdmis", "words with vectors", "csv of XYZIJK"],
+)
 def test_vectors_out_of_the_material_are_approached_against(tmp_path, case):
     _, content, stated = CASES[case]
     path = save(tmp_path, content)
@@ -70,6 +73,12 @@ def test_positions_of_robots_are_poses_with_a_tool(tmp_path, case):
         ("kuka", ["1 position in axes, relative or of home"]),
         ("asc with colours and normals", ["3 of 9 columns were excluded", "--normal-sd"]),
         ("bcnc xyz", ["taken as points of the surface"]),
+        ("tinyg", ["1 probe made no contact", "1 report equal to the one before"]),
+        ("klipper", ["add the probe's x_offset"]),
+        ("pcdmis", ["1 feature of other kinds"]),
+        ("calypso", ["1 characteristic of other kinds"]),
+        ("xyzijk with names and tolerances", ["3 of 9 columns were excluded", "The words after the numbers"]),
+        ("csv with titles", ["2 title lines above the header", "Columns excluded: Bemerkung."]),
         ("csv of a spreadsheet", ["decimal commas"]),
     ],
 )
@@ -226,3 +235,79 @@ def test_an_interrupted_height_map_keeps_its_grid(tmp_path):
         assert any(f"{6 - count} points of the grid of 3 x 2 missing" in note for note in readings.notes) == (count < 6)
     with pytest.raises(ReadingsError, match="3 x 2 points, got 7"):
         read_readings(save(tmp_path, grid + rows([*points, (30, 10, -1)])), units="mm", radius=1.0)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_file_cut_anywhere_gives_only_rows_of_the_whole(tmp_path, case):
+    """Cut a sample: it is refused, or its points are the first ones of the sample.
+
+    The last of three points is not compared, because they do not show how many decimals a program writes; nor are the
+    nominal points of DMIS, which stand above the actual ones and are used, with a note, where these are missing.
+    """
+    _, content, options = CASES[case]
+    data = content if isinstance(content, bytes) else content.encode()
+    path = tmp_path / "log"
+    for end in range(0, len(data), 1 if len(data) < 500 else 3):
+        path.write_bytes(data[:end])
+        try:
+            readings = read_readings(path, **options)
+        except InputError:
+            continue
+        if len(readings) >= 3 and not any("nominal" in note for note in readings.notes):
+            sure = len(readings) - (len(readings) == 3)
+            assert len(readings) <= 4
+            np.testing.assert_allclose(
+                readings.points[:sure], P[:sure] / 1000, atol=2e-7, err_msg=str(data[:end][-40:])
+            )
+
+
+def test_a_height_map_of_reprapfirmware_is_a_grid(tmp_path):
+    text = (
+        "RepRapFirmware height map file v2 generated at 2026-01-01 12:00, min error -0.100, max error 0.200\n"
+        "axis0,axis1,min0,max0,min1,max1,radius,spacing0,spacing1,num0,num1\n"
+        "X,Y,5.00,25.00,10.00,20.00,-1.00,10.00,10.00,3,2\n"
+        "  0.000,  0.100,  0.200\n"
+        " -0.100,      0,  0.050\n"
+    )
+    readings = read_readings(save(tmp_path, text))
+    expected = [[5, 10, 0], [15, 10, 0.1], [25, 10, 0.2], [5, 20, -0.1], [25, 20, 0.05]]
+    np.testing.assert_allclose(readings.points, np.array(expected) / 1000, atol=1e-12)
+    np.testing.assert_array_equal(readings.directions, [[0, 0, -1]] * 5)
+    assert any("1 point of the grid not probed" in note for note in readings.notes)
+    old = text.replace("axis0,axis1,min0,max0,min1,max1,radius,spacing0,spacing1,num0,num1",
+                       "xmin,xmax,ymin,ymax,radius,xspacing,yspacing,xnum,ynum")  # fmt: skip
+    old = old.replace("X,Y,5.00", "5.00")
+    np.testing.assert_array_equal(read_readings(save(tmp_path, old)).points, readings.points)
+    for cut in (text[:-27], text[:-3], text[: text.index("  0.000")]):
+        with pytest.raises(ReadingsError, match=r"height|last line"):
+            read_readings(save(tmp_path, cut))
+
+
+def test_circles_of_a_listing_are_centres(tmp_path):
+    text = (
+        "CIR1 =FEAT/CONTACT/CIRCLE/DEFAULT,CARTESIAN,IN,LEAST_SQR\nTHEO/<10,20,5>,<0,0,1>,8\n"
+        "ACTL/<10.01,20.02,5>,<0,0,1>,8.02\nCIR2 =FEAT/CIRCLE,POLAR,IN\nACTL/<1,2,3>,<0,0,1>,4\n"
+    )
+    readings = read_readings(save(tmp_path, text), units="mm")
+    assert (readings.kinds, readings.material_sides) == (("centre",), ("hole",))
+    np.testing.assert_allclose(readings.hole_radii, [4.01e-3])
+    assert any("1 feature of other kinds, in polar coordinates" in note for note in readings.notes)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("%\nO1234\nG90 G54\nG1 X10 Y20 Z3 F100\nX12 Y3 Z4\n", "a G-code program. Give the log"),
+        ("0 BEGIN PGM A MM\n1 L X+10 Y+20\n", "a Heidenhain program. Give the file that FN 16"),
+        ("ISO-10303-21;\nHEADER;\n", "a CAD file (STEP). Give it with --part"),
+        ("%PDF-1.7\n", "a PDF report"),
+        ("N10 CYCLE977(1,,1)\n", "a Siemens program or log"),
+        ("Bilinear Leveling Grid:\n      0      1\n 0 +0.1 +0.2\n", "heights of a bed without places"),
+        ("Stopped at height 1.234 mm\n", "heightmap.csv"),
+        ("planid\tidsymbol\tactual\tfeatureid\np\tdiameter\t3.0\tC1\n", "expected xValue, yValue and zValue"),
+    ],
+)
+def test_other_files_are_named_with_what_to_export(tmp_path, content, message):
+    with pytest.raises(ReadingsError) as caught:
+        read_readings(save(tmp_path, content), units="mm")
+    assert message in str(caught.value)

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.io.logs.contents import Contents, is_whole
+from tanteo.io.logs.contents import Contents, is_whole, number
 from tanteo.io.logs.log import Log, counted
 
 _GRID = 3
 _SAME = 1e-3
-"""Largest relative difference of a corner written twice; bCNC writes it with fewer digits in the grid lines."""
+"""Largest distance of a point outside of the grid's limits, which bCNC writes with fewer digits [file units]."""
 
 
 def _kept(contents: Contents) -> list[tuple[int, list[str]]]:
@@ -31,25 +31,20 @@ def _grid(rows: list[list[str]]) -> tuple[int, int] | None:
 
 
 def recognise(contents: Contents) -> bool:
-    """Return whether the file starts with the three grid lines, and continues with the start of the grid.
+    """Return whether the file starts with the three grid lines, and continues with a point of the grid.
 
-    The first point must be the corner of the grid that the lines state, as bCNC writes it. The number of points is not
-    compared here, because an interrupted run has fewer.
+    The lower limit of each grid line comes first, and the first point must lie within the grid. The number of points is
+    not compared here, because an interrupted run has fewer.
 
     Args:
         contents: file to test.
     """
     if _grid([line.split() for line in contents.head.splitlines()[:10] if line.strip()]) is None:
         return False
-    rows = [row for _, row in _kept(contents)]
-    count = _grid(rows)
-    if count is not None and len(rows) == _GRID + count[0] * count[1]:
-        return True
-    try:
-        first = [float(word) for word in rows[_GRID][:2]]
-        return all(abs(first[k] - float(rows[k][0])) <= _SAME * (1 + abs(first[k])) for k in range(2))
-    except (ValueError, IndexError):
-        return False
+    rows = [[number(word) for word in row] for _, row in _kept(contents)[: _GRID + 1]]
+    first = rows[_GRID][:2] if len(rows) > _GRID else []
+    inside = all(low - _SAME <= x <= high + _SAME for x, (low, high, _) in zip(first, rows, strict=False))
+    return inside and all(low < high for low, high, _ in rows[:_GRID])
 
 
 def read(contents: Contents) -> Log:
@@ -67,6 +62,7 @@ def read(contents: Contents) -> Log:
         contents.fail("three lines of the grid (from, to, count)", "others", "Is it a bCNC probe file?", 1)
     rows = kept[_GRID:]
     points = contents.numbers([row for _, row in rows], [k for k, _ in rows], "a point")
+    contents.check_last([row[-1] for _, row in rows], rows[-1][0])
     if points.shape[1] != 3:
         contents.fail("x y z of each point", f"{points.shape[1]} numbers", "Is it a bCNC probe file?", rows[0][0])
     missing = count[0] * count[1] - len(points)

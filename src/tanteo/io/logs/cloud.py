@@ -13,6 +13,9 @@ _LONGEST_HEADER = 10_000
 _MOST_NUMBERS = 10_000
 """Largest accepted number of values per point; feature histograms have some hundreds."""
 
+_LAST = 50
+"""Number of rows whose decimals are compared with those of the last number."""
+
 _KEYS = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA")
 _LETTERS = {"F": "f", "I": "i", "U": "u"}
 
@@ -138,6 +141,8 @@ def text_columns(contents: Contents, body: bytes, names: list[str], count: int) 
         values = np.loadtxt(lines, ndmin=2, comments=None, usecols=[names.index(name) for name in wanted])
     except ValueError as error:
         contents.fail(f"numbers ({' '.join(names)}) in each line", str(error)[:100], "Export it again.")
+    if body.count(b"\n") < count:
+        contents.check_last([line.split()[-1] for line in lines[-_LAST:]], len(contents.lines))
     return dict(zip(wanted, values.T, strict=True))
 
 

@@ -27,7 +27,7 @@ def recognise(contents: Contents) -> bool:
         contents: file to test.
     """
     rows = first_rows(contents)
-    if rows is None or rows.names or not 4 <= rows.values.shape[1] <= 9:
+    if rows is None or rows.names or rows.labels or rows.others or not 4 <= rows.values.shape[1] <= 9:
         return False
     rest = rows.values[:, 3:]
     if not np.ptp(rest, axis=0).any() and not rest[0].any():

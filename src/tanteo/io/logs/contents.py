@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NoReturn
@@ -16,6 +18,10 @@ HEAD = 16_384
 
 _DIGITS = 18
 """Largest number of digits in a whole number."""
+
+_ROWS = 3
+"""Smallest number of rows that show how many decimals a program writes."""
+_DECIMALS = re.compile(r"[-+]?\d*(?:[.,](\d*))?", re.ASCII)
 
 _MARKS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 
@@ -83,6 +89,11 @@ class Contents:
         """Lines without surrounding blanks; index 0 is line 1."""
         return [line.strip() for line in self.text.splitlines()]
 
+    @cached_property
+    def is_open(self) -> bool:
+        """Whether the last line has no line break, so that it may be cut off."""
+        return bool(self.text) and self.text[-1] not in "\r\n"
+
     def fail(self, expected: str, got: str, advice: str, line: int | None = None) -> NoReturn:
         """Refuse the file.
 
@@ -97,6 +108,23 @@ class Contents:
         """
         place = self.name if line is None else f"{self.name}, line {line}"
         raise ReadingsError(f"{place}: expected {expected}, got {got}. {advice}")
+
+    def check_last(self, words: Sequence[str], line: int) -> None:
+        """Refuse a file without a line break at its end whose last number has lost digits.
+
+        Args:
+            words: last word of each of the last rows, in order.
+            line: number of the last line.
+
+        Raises:
+            ReadingsError: the last number has fewer decimals than those above it.
+        """
+        if self.is_open and lost_digits(words):
+            self.fail(
+                "a complete last line", f"a file that breaks off in '{words[-1][-40:]}', with fewer decimals than the "
+                "numbers above it",
+                "Copy or export it again; if the number is complete, end the line with a line break.", line,
+            )  # fmt: skip
 
     def numbers(self, rows: list[list[str]], lines: list[int], what: str) -> FloatArray:
         """Return rows of words as finite numbers ``(n, k)``.
@@ -117,7 +145,7 @@ class Contents:
                 self.fail(f"{len(rows[0])} numbers of {what}", str(len(row)), "Correct the line.", line)
         values = np.full((len(rows), len(rows[0])), np.nan)
         for k, row in enumerate(rows):
-            values[k] = [_number(word) for word in row]
+            values[k] = [number(word) for word in row]
         bad = np.argwhere(~np.isfinite(values))
         if len(bad):
             k, i = bad[0]
@@ -134,10 +162,22 @@ def is_whole(word: str) -> bool:
     return word.isascii() and word.isdigit() and len(word) <= _DIGITS
 
 
-def _number(word: str) -> float:
-    """Return the number of a word.
+def lost_digits(words: Sequence[str]) -> bool:
+    """Return whether the last word has fewer decimals than the words before it, which all have the same number.
 
-    NaN if it is not plain, as ``1_000`` or digits of other scripts, which Python accepts.
+    Args:
+        words: words of one column from consecutive rows; at least three before the last are required.
+    """
+    matches = [match for word in words if (match := _DECIMALS.fullmatch(word.strip()))]
+    counts = [len(match[1] or "") for match in matches]
+    return _ROWS < len(counts) == len(words) and min(counts[:-1]) == max(counts[:-1]) > counts[-1]
+
+
+def number(word: str) -> float:
+    """Return the number of a word; NaN if it is none, or not plain, as ``1_000`` or digits of other scripts.
+
+    Args:
+        word: word to convert.
     """
     if not word.isascii() or "_" in word:
         return float("nan")

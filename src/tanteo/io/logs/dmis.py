@@ -14,20 +14,18 @@ from __future__ import annotations
 
 import re
 
-import numpy as np
-
 from tanteo.io.logs.contents import Contents
 from tanteo.io.logs.ends import EndMark
-from tanteo.io.logs.log import Log, counted, unique
+from tanteo.io.logs.log import Log, counted
+from tanteo.io.logs.round_features import Feature, log_of
 
 ENDS = (EndMark(r"^[ \t]*DMISM[ND][ \t]*/", r"^[ \t]*ENDFIL\b", "ENDFIL"),)
 """Statements that end a file."""
 
-_UNITS = {"MM": "mm", "CM": "cm", "M": "m", "INCH": "in", "FEET": "ft"}
+_UNITS = {"MM": ("mm", 1.0), "CM": ("mm", 10.0), "M": ("m", 1.0), "INCH": ("in", 1.0), "FEET": ("in", 12.0)}
+"""Unit and number of units by the word of DMIS."""
 _ROUND = {"CIRCLE": "circle", "CYLNDR": "cylinder", "SPHERE": "sphere"}
 _SIDES = {"INNER": "hole", "OUTER": "boss"}
-_CELLS = 9
-"""Number of cells of a round feature; a point has six or three."""
 _FEATURE = re.compile(r"^(FA?)\(([^()]{1,80})\)\s*=\s*FEAT\s*/\s*(\w+)\s*,(.{0,500})", re.IGNORECASE)
 _POINT = re.compile(r"^(PTMEAS|PTDATA)\s*/\s*CART\s*,(.{0,500})", re.IGNORECASE)
 _MARK = re.compile(
@@ -60,25 +58,26 @@ def read(contents: Contents) -> Log:
     Raises:
         ReadingsError: the file has no measured points, or is malformed.
     """
-    rows: dict[str, list[tuple[int, str, list[str]]]] = {name: [] for name in _CALLED}
-    unit = None
+    rows: dict[str, list[Feature]] = {name: [] for name in _CALLED}
+    stated = ""
     others = 0
     for k, line in _statements(contents):
         if line.upper().startswith("UNITS/"):
-            unit = _UNITS.get(line[6:].split(",")[0].strip().upper())
+            stated = line[6:].split(",")[0].strip().upper()
         elif match := _FEATURE.match(line):
             kind = match[1].upper()
             name = match[2]
             shape = match[3].upper()
             rest = _cells(match[4])
             if shape == "POINT" and rest[:1] == ["CART"]:
-                rows[kind].append((k, name, rest[1:7]))
-            elif kind == "FA" and (cells := _round(shape, rest)):
-                rows[kind].append((k, name, cells))
+                rows[kind].append(Feature(k, name, None, "", rest[1:4], rest[4:7]))
+            elif kind == "FA" and (one := _round(k, name, shape, rest)):
+                rows[kind].append(one)
             else:
                 others += kind == "FA" and shape != "POINT"
         elif match := _POINT.match(line):
-            rows[match[1].upper()].append((k, str(k), _cells(match[2])[:6]))
+            cells = _cells(match[2])
+            rows[match[1].upper()].append(Feature(k, "", None, "", cells[:3], cells[3:6]))
     taken = next((name for name in _CALLED if rows[name]), None)
     if taken is None:
         left = f"{counted(others, 'feature')} of other kinds" if others else "none"
@@ -86,45 +85,17 @@ def read(contents: Contents) -> Log:
     notes = [_CALLED[taken]] if _CALLED[taken] else []
     if others:
         notes.append(f"{counted(others, 'feature')} of other kinds than POINT, CIRCLE, CYLNDR and SPHERE excluded.")
-    return _log(contents, rows[taken], unit, notes)
+    unit, scale = _UNITS.get(stated, (None, 1.0))
+    return log_of(contents, rows[taken], unit, notes, scale)
 
 
-def _round(shape: str, rest: list[str]) -> list[str]:
-    """Return position, axis, diameter, side and kind of a round feature as words; empty for other features."""
+def _round(k: int, name: str, shape: str, rest: list[str]) -> Feature | None:
+    """Return a round feature; None for other features."""
     if shape not in _ROUND or rest[0] not in _SIDES or rest[1:2] != ["CART"]:
-        return []
+        return None
     axis = ["0"] * 3 if shape == "SPHERE" else rest[5:8]
     diameter = rest[5:6] if shape == "SPHERE" else rest[8:9]
-    return [*rest[2:5], *axis, *diameter, _SIDES[rest[0]], _ROUND[shape]] if diameter else []
-
-
-def _log(contents: Contents, rows: list[tuple[int, str, list[str]]], unit: str | None, notes: list[str]) -> Log:
-    lines = [k for k, _, _ in rows]
-    points = contents.numbers([(cells + [""] * 3)[:3] for _, _, cells in rows], lines, "a point")
-    scale = {"cm": 10.0, "ft": 12.0}.get(unit or "", 1.0)
-    points = points * scale
-    unit = {"cm": "mm", "ft": "in"}.get(unit or "", unit)
-    round_ones = np.array([len(cells) == _CELLS for _, _, cells in rows])
-    diameters = [cells[6] if is_round else "1" for (_, _, cells), is_round in zip(rows, round_ones, strict=True)]
-    sizes = contents.numbers([[cell] for cell in diameters], lines, "a diameter")[:, 0] * scale
-    if not np.all(sizes > 0):
-        contents.fail("a positive diameter", f"{sizes.min():g}", "Correct it.", lines[int(np.argmin(sizes))])
-    vectors = None
-    if all(len(cells) in (6, _CELLS) for _, _, cells in rows):
-        vectors = contents.numbers([cells[3:6] for _, _, cells in rows], lines, "a normal")
-        vectors[np.linalg.norm(vectors, axis=1) < 0.5] = np.nan
-        vectors = None if np.isnan(vectors).all() else vectors
-    names = unique([name for _, name, _ in rows])
-    if not round_ones.any():
-        return Log(points=points, unit=unit, outward=vectors, ids=names, notes=tuple(notes))
-    sides, kinds = (
-        tuple(cells[column] if len(cells) == _CELLS else other for _, _, cells in rows)
-        for column, other in ((7, ""), (8, "point"))
-    )
-    return Log(
-        points=points, unit=unit, outward=vectors, kinds=kinds, sizes=np.where(round_ones, sizes / 2, np.nan),
-        sides=sides, ids=names, notes=tuple(notes),
-    )  # fmt: skip
+    return Feature(k, name, _ROUND[shape], _SIDES[rest[0]], rest[2:5], axis, diameter[0]) if diameter else None
 
 
 def _statements(contents: Contents) -> list[tuple[int, str]]:

@@ -11,6 +11,9 @@ from dataclasses import dataclass
 
 from tanteo.io.logs.contents import Contents
 
+_LONGEST = 2_000
+"""Number of characters at the end of a file that are searched for an open bracket."""
+
 
 @dataclass(frozen=True)
 class EndMark:
@@ -28,7 +31,7 @@ class EndMark:
 
 
 def note_on_end(contents: Contents, marks: tuple[EndMark, ...]) -> str:
-    """Return a note if a file lacks the end statement of its format; empty if it is complete.
+    """Return a note if a file lacks the end statement of its format or ends in an open bracket; else an empty text.
 
     Args:
         contents: file, already read without an error.
@@ -47,4 +50,7 @@ def note_on_end(contents: Contents, marks: tuple[EndMark, ...]) -> str:
                     "Its last number may be incomplete. Copy or export it again.", last,
                 )  # fmt: skip
             return f"{mark.words} is missing at the end: the file may be cut off after line {last}."
+    last_line = "" if contents.encoding is None else contents.text[-_LONGEST:].rpartition("\n")[2]
+    if sum(map(last_line.count, "[{(<")) > sum(map(last_line.count, "]})>")):
+        return f"The last line '{last_line.strip()[:40]}' is not complete: the file may be cut off."
     return ""

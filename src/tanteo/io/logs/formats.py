@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 from tanteo.errors import InputError, PluginError, TanteoError, did_you_mean
 from tanteo.io.logs import (
+    axis_words,
     bcnc,
+    calypso,
     cloud,
     cncprobe,
     console,
     dmis,
     fanuc,
     krl,
+    pcdmis,
     ply,
     points,
+    probe_lines,
     qif,
     rapid,
+    reprap,
     results,
     tof,
     urscript,
@@ -39,6 +45,17 @@ FORMATS: Registry[LogFormat] = Registry(
             LogFormat("pcd", "a PCD point cloud", cloud.recognise, cloud.read),
             LogFormat("qif", "a QIF document", qif.recognise, qif.read),
             LogFormat("grbl", "a GRBL console log", console.recognise, console.read),
+            *(
+                LogFormat(name, words, partial(probe_lines.recognises, name), partial(probe_lines.read, name))
+                for name, words in (
+                    ("tinyg", "probe reports of TinyG or g2core"),
+                    ("klipper", "a Klipper console log"),
+                    ("marlin", "a Marlin console log"),
+                )
+            ),
+            LogFormat("reprap", "a height map of RepRapFirmware", reprap.recognise, reprap.read),
+            LogFormat("calypso", "a table of characteristics of Calypso", calypso.recognise, calypso.read),
+            LogFormat("pcdmis", "a listing or report of PC-DMIS", pcdmis.recognise, pcdmis.read),
             LogFormat("fusion", "a probe results file (G800, G801)", results.recognise, results.read, results.ENDS),
             LogFormat("dmis", "DMIS output", dmis.recognise, dmis.read, dmis.ENDS),
             LogFormat("tof", "frames of a multi-zone ranging sensor", tof.recognise, tof.read),
@@ -49,6 +66,7 @@ FORMATS: Registry[LogFormat] = Registry(
             LogFormat("bcnc", "a bCNC probe file", bcnc.recognise, bcnc.read),
             LogFormat("linuxcnc", "a LinuxCNC probe log (PROBEOPEN)", cncprobe.recognise, cncprobe.read),
             LogFormat("xyzijk", "points with vectors (X Y Z I J K)", points.recognise_vectors, points.read_vectors),
+            LogFormat("words", "positions as words (X .. Y .. Z ..)", axis_words.recognise, axis_words.read),
             LogFormat("asc", "a list of points (X Y Z ...)", points.recognise_points, points.read_points),
         )
     },

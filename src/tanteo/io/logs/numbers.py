@@ -1,4 +1,9 @@
-"""Read lines of numbers only, separated by blanks, tabs, commas or semicolons, as machines and scanners write them."""
+"""Read lines of numbers, separated by blanks, tabs, commas or semicolons, as machines and scanners write them.
+
+Each line may start with names (``P1``, ``Collection Group Target`` of SpatialAnalyzer's ASCII export, SpatialAnalyzer
+user's manual, "Exporting ASCII Formatted Points"; a name in quotation marks of PowerInspect, "To export dynamic points
+to an ASCII file") or with the number of the line, and end with other words, which are excluded.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +15,19 @@ import numpy as np
 from tanteo.geometry.typing import FloatArray
 from tanteo.io.logs.contents import Contents, is_whole
 
-_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
-_ROW = re.compile(rf"\s*{_NUMBER}(?:[\s,;]+{_NUMBER})+[\s,;]*", re.ASCII)
-_DECIMAL_COMMA = re.compile(r"[-+]?\d+(?:,\d+)?(?:[ \t;]+[-+]?\d+(?:,\d+)?)+[ \t;]*", re.ASCII)
+_NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+_COMMA_NUMBER = re.compile(r"[-+]?\d+(?:,\d+)?", re.ASCII)
+_WORD = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,;]+")
+_WIDE_WORD = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s;]+")
+_NAME = re.compile(r"\"[^\"]*\"|'[^']*'|\w\S*")
+_NO_NAME = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
 _COMMENT = ("#", "//", "%", "(")
 _ENOUGH = 50
 """Number of rows that format recognition uses."""
+_NAMES = 3
+"""Largest number of names before the numbers of a row."""
+_LEAST = 3
+"""Smallest number of numbers in a row with names, and of rows whose first number is that of the row."""
 _SLACK = 2e-2
 """Largest deviation of a direction's length from one that rounding explains."""
 
@@ -27,10 +39,23 @@ class NumberRows:
     Attributes:
         values: numbers ``(n, k)``.
         names: column names from a comment above the rows; empty if there is none.
+        labels: names of the rows, from words or numbers at their start; None if there are none.
+        others: number of words after the numbers of a row.
     """
 
     values: FloatArray
     names: tuple[str, ...]
+    labels: tuple[str, ...] | None = None
+    others: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """Words of a row: names at the start, numbers, and the number of words after them."""
+
+    label: str
+    numbers: list[str]
+    others: int
 
 
 def _is_comment(line: str) -> bool:
@@ -38,7 +63,7 @@ def _is_comment(line: str) -> bool:
 
 
 def first_rows(contents: Contents) -> NumberRows | None:
-    """Return the first rows if the file starts with numbers only; None otherwise.
+    """Return the first rows if the file starts with rows of numbers; None otherwise.
 
     Args:
         contents: file to read.
@@ -46,15 +71,13 @@ def first_rows(contents: Contents) -> NumberRows | None:
     lines = [line.strip() for line in contents.head.splitlines()[: _ENOUGH + 20]]
     if len(contents.data) > len(contents.head.encode()):
         lines = lines[:-1] or lines
-    rows = [line for line in lines if line and not _is_comment(line)]
-    if rows and is_whole(rows[0]):
-        rows = rows[1:]  # CloudCompare writes the number of points first
-    if not rows or not all(_ROW.fullmatch(row) or _DECIMAL_COMMA.fullmatch(row) for row in rows):
+    kept = [line for line in lines if line and not _is_comment(line)]
+    if kept and is_whole(kept[0]):
+        kept = kept[1:]  # CloudCompare writes the number of points first
+    rows = [row for row in map(_row, kept) if row is not None]
+    if not rows or len(rows) < len(kept) or len({(bool(row.label), len(row.numbers)) for row in rows}) != 1:
         return None
-    words = [_words(row) for row in rows]
-    if len({len(row) for row in words}) != 1:
-        return None
-    return NumberRows(np.array(words, dtype=np.float64), _names(lines, len(words[0])))
+    return _as_rows(np.array([row.numbers for row in rows], dtype=np.float64), lines, rows)
 
 
 def all_rows(contents: Contents, what: str) -> NumberRows:
@@ -65,27 +88,68 @@ def all_rows(contents: Contents, what: str) -> NumberRows:
         what: description of a row, for messages.
 
     Raises:
-        ReadingsError: a line is not numeric or has another number of columns; the message names it.
+        ReadingsError: a line is not numeric or has another number of columns, or the file ends within a number; the
+            message names the line.
     """
     kept = [(k, line) for k, line in enumerate(contents.lines, start=1) if line and not _is_comment(line)]
     if kept and is_whole(kept[0][1]):
         kept = kept[1:]
-    names = _names(contents.lines, len(_words(kept[0][1])) if kept else 0)
-    text = [line.replace(",", " ").replace(";", " ") for _, line in kept]
-    if not any(_DECIMAL_COMMA.fullmatch(line) and "," in line and "." not in line for _, line in kept[:_ENOUGH]):
+    first = [row for _, line in kept[:_ENOUGH] if (row := _row(line))]
+    plain = not any(row.label or row.others for row in first)
+    if plain and not any("," in line and "." not in line and re.search(r"[ \t;]", line) for _, line in kept[:_ENOUGH]):
         try:
-            values = np.loadtxt(text, ndmin=2, comments=None)
+            values = np.loadtxt([line.replace(",", " ").replace(";", " ") for _, line in kept], ndmin=2, comments=None)
         except ValueError:
             values = np.empty((0, 0))
         if values.size and np.isfinite(values).all():
-            return NumberRows(values, names)
-    return NumberRows(contents.numbers([_words(line) for _, line in kept], [k for k, _ in kept], what), names)
+            contents.check_last(
+                [re.split(r"[\s,;]+", line.strip(" \t,;"))[-1] for _, line in kept[-_ENOUGH:]], kept[-1][0]
+            )
+            return _as_rows(values, contents.lines, first)
+    rows = [_row(line) or _Row("", re.split(r"[\s,;]+", line.strip(" \t,;")), 0) for _, line in kept]
+    values = contents.numbers([row.numbers for row in rows], [k for k, _ in kept], what)
+    if not any(row.others for row in rows):
+        contents.check_last([row.numbers[-1] for row in rows[-_ENOUGH:]], kept[-1][0])
+    return _as_rows(values, contents.lines, rows)
 
 
-def _words(row: str) -> list[str]:
-    if "," in row and "." not in row and re.search(r"[ \t;]", row) and _DECIMAL_COMMA.fullmatch(row):
-        return row.replace(",", ".").replace(";", " ").split()
-    return re.split(r"[\s,;]+", row.strip(" \t,;"))
+def _row(line: str) -> _Row | None:
+    """Return the words of a row; None if it has no numbers in one run, or another number of names than allowed."""
+    line = line.strip(" \t,;")
+    words = _WORD.findall(line)
+    number = _NUMBER
+    if "," in line and "." not in line and re.search(r"[ \t;]", line):
+        wide = _WIDE_WORD.findall(line)
+        if all(_COMMA_NUMBER.fullmatch(word) or not (word[0].isdigit() or word[0] in "+-") for word in wide):
+            words, number = wide, _COMMA_NUMBER
+    start = next((k for k, word in enumerate(words) if number.fullmatch(word)), len(words))
+    stop = next((k for k in range(start, len(words)) if not number.fullmatch(words[k])), len(words))
+    names = words[:start]
+    if start > _NAMES or any(
+        not _NAME.fullmatch(w) or _NO_NAME.fullmatch(w) for w in (*names, *words[stop : stop + 1])
+    ):
+        return None
+    if stop - start < (_LEAST if len(words) > stop - start else 2):
+        return None
+    label = " ".join(word.strip("\"'") for word in names)
+    numbers = words[start:stop]
+    return _Row(
+        label, [n.replace(",", ".") for n in numbers] if number is _COMMA_NUMBER else numbers, len(words) - stop
+    )
+
+
+def _as_rows(values: FloatArray, lines: list[str], rows: list[_Row]) -> NumberRows:
+    """Return the rows with the names of columns and rows; a first column of 1, 2, 3 .. numbers the rows."""
+    names = _names(lines, values.shape[1])
+    labels = tuple(row.label for row in rows) if rows and rows[0].label else None
+    first = values[:, 0]
+    counted = values.shape[1] > _LEAST and len(values) >= _LEAST and not names and first[0] in (0, 1)
+    counted &= bool(np.all(np.diff(first) == 1)) and all(is_whole(row.numbers[0]) for row in rows)
+    if counted and not all(is_whole(word.lstrip("+-")) for row in rows for word in row.numbers[1:4]):
+        numbers = (f"{value:.0f}" for value in first)
+        labels = tuple(f"{label} {n}" for label, n in zip(labels, numbers, strict=True)) if labels else tuple(numbers)
+        values = values[:, 1:]
+    return NumberRows(values, names, labels, max((row.others for row in rows), default=0))
 
 
 def _names(lines: list[str], count: int) -> tuple[str, ...]:

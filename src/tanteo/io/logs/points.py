@@ -7,23 +7,27 @@ vector are X Y Z I J K of coordinate measuring machines, where I J K points out 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tanteo.io.logs.contents import Contents
-from tanteo.io.logs.log import Log
+from tanteo.io.logs.log import Log, unique
 from tanteo.io.logs.numbers import NumberRows, all_rows, are_unit, first_rows
 
 _NORMAL = (("nx", "ny", "nz"), ("i", "j", "k"))
 
 
 def recognise_vectors(contents: Contents) -> bool:
-    """Return whether rows have six numbers of which the last three are a unit vector.
+    """Return whether rows have six numbers or more of which the fourth to sixth are a unit vector.
 
     Args:
         contents: file to test.
     """
     rows = first_rows(contents)
-    return rows is not None and rows.values.shape[1] == 6 and are_unit(rows.values[:, 3:]) and "nx" not in rows.names
+    if rows is None or "nx" in rows.names or rows.values.shape[1] < 6:
+        return False
+    return are_unit(rows.values[:, 3:6]) and (rows.values.shape[1] < 9 or not are_unit(rows.values[:, -3:]))
 
 
 def read_vectors(contents: Contents) -> Log:
@@ -35,13 +39,14 @@ def read_vectors(contents: Contents) -> Log:
     Raises:
         ReadingsError: the file is malformed.
     """
-    values = all_rows(contents, "X Y Z I J K").values
+    rows = all_rows(contents, "X Y Z I J K")
+    values = rows.values[:, :6]
     if values.shape[1] != 6:
         contents.fail("six numbers a row (X Y Z I J K)", str(values.shape[1]), "Use another --format.")
     if not are_unit(values[:, 3:]):
         k = int(np.argmax(np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1)))
         contents.fail("I J K of length one in each row", f"{values[k, 3:]} in row {k + 1}", "Correct it.")
-    return Log(points=values[:, :3], outward=values[:, 3:])
+    return Log(points=values[:, :3], outward=values[:, 3:], ids=_ids(rows), notes=_notes(rows, 6))
 
 
 def recognise_points(contents: Contents) -> bool:
@@ -67,11 +72,24 @@ def read_points(contents: Contents) -> Log:
     if rows.values.shape[1] < 3:
         contents.fail("three numbers a row or more", str(rows.values.shape[1]), "Use another --format.")
     columns = _normal_columns(rows)
-    others = rows.values.shape[1] - 3 - len(columns)
+    normals = rows.values[:, columns] if columns else None
+    return Log(
+        points=rows.values[:, :3], normals=normals, ids=_ids(rows), notes=_notes(rows, 3 + len(columns), columns)
+    )
+
+
+def _ids(rows: NumberRows) -> tuple[str, ...] | None:
+    return unique(list(rows.labels)) if rows.labels else None
+
+
+def _notes(rows: NumberRows, used: int, columns: Sequence[int] = ()) -> tuple[str, ...]:
+    """Return a note on excluded columns of numbers and words."""
+    count = rows.values.shape[1]
     names = [name for k, name in enumerate(rows.names[3:], start=3) if k not in columns]
-    what = f" ({', '.join(names)})" if names else ""
-    notes = (f"{others} of {rows.values.shape[1]} columns were excluded{what}.",) if others else ()
-    return Log(points=rows.values[:, :3], normals=rows.values[:, columns] if columns else None, notes=notes)
+    named = f" ({', '.join(names)})" if names else ""
+    notes = [f"{count - used} of {count} columns were excluded{named}."] if count > used else []
+    notes += ["The words after the numbers of each row were excluded."] if rows.others else []
+    return tuple(notes)
 
 
 def _normal_columns(rows: NumberRows) -> list[int]:

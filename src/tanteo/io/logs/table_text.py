@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,23 +14,44 @@ from tanteo.io.logs.contents import HEAD, encoding_of
 _SEPARATOR = re.compile(r"sep=(.)\s*$", re.IGNORECASE)
 _COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?", re.ASCII)
 _POINT = re.compile(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?", re.ASCII)
+_WHOLE = re.compile(r"[-+]?\d+\.?(?:[eE][-+]?\d+)?", re.ASCII)
 _ROWS = 40
+"""Number of rows in which the header is searched."""
+_LEAST = 3
+"""Smallest number of columns of a table of readings."""
 
 
 class Lines:
-    """Iterator over lines without comments and blank lines, which counts line numbers."""
+    """Iterator over the lines of a table, which counts line numbers.
 
-    def __init__(self, text: TextIO) -> None:
-        self._text = text
+    Comments, blank lines, and lines above the header are excluded.
+
+    Attributes:
+        number: number of the current line.
+        ended: whether the file ends in a line break, once all lines were read.
+    """
+
+    def __init__(self, text: TextIO, titles: int = 0) -> None:
+        """Create an iterator.
+
+        Args:
+            text: open file.
+            titles: number of lines above the header, see :attr:`TableText.titles`.
+        """
+        self._text, self._titles = text, titles
         self.number = 0
+        self.ended = True
 
     def __iter__(self) -> Iterator[str]:
+        line = "\n"
         for self.number, line in enumerate(self._text, start=1):  # noqa: B020
             # letters, digits and signs come after '#': most lines need no second look
             if line[0] > "#" or ((bare := line.lstrip()) and bare[0] != "#"):
-                if self.number == 1 and _SEPARATOR.fullmatch(line):
+                if self._titles or (self.number == 1 and _SEPARATOR.fullmatch(line)):
+                    self._titles = max(self._titles - 1, 0)
                     continue
                 yield line
+        self.ended = line.endswith(("\n", "\r"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +62,13 @@ class TableText:
         encoding: encoding for ``open``.
         delimiter: character between cells.
         decimal_comma: whether numbers have a decimal comma.
+        titles: number of lines above the header, without blank lines and comments.
     """
 
     encoding: str = "utf-8-sig"
     delimiter: str = ","
     decimal_comma: bool = False
+    titles: int = 0
 
     def open(self, path: Path) -> TextIO:
         """Open a file in this format.
@@ -58,7 +82,9 @@ class TableText:
         """Return a sentence on an unusual encoding or decimal commas; empty if there are none."""
         odd = ["as Windows-1252, for it is no UTF-8"] if self.encoding == "cp1252" else []
         odd += ["with decimal commas"] if self.decimal_comma else []
-        return f"The table is read {' and '.join(odd)}." if odd else ""
+        titles = f"{self.titles} title line{'s' * (self.titles > 1)} above the header excluded." if self.titles else ""
+        how = f"The table is read {' and '.join(odd)}." if odd else ""
+        return f"{titles} {how}".strip()
 
 
 def sniff(start: bytes, *, whole: bool) -> TableText | None:
@@ -76,10 +102,45 @@ def sniff(start: bytes, *, whole: bool) -> TableText | None:
         line for line in text.splitlines()[:_ROWS] if line.strip() and not line.lstrip("\ufeff \t").startswith("#")
     ]
     stated = _SEPARATOR.fullmatch(lines[0].lstrip("\ufeff")) if lines else None
-    lines = lines[1:] if stated else lines
-    delimiter = stated[1] if stated and stated[1] in ",;\t" else _delimiter(lines[0] if lines else "")
+    marks = stated[1] if stated and stated[1] in ",;\t" else "\t;, "
+    rows = lines[1:] if stated else lines
+    titles, delimiter = _header(rows, marks) or (0, marks if stated else _delimiter(rows[0] if rows else ""))
     encoding = "utf-8-sig" if encoding == "utf-8" else encoding
-    return TableText(encoding, delimiter, delimiter != "," and _has_decimal_commas(lines[1:], delimiter))
+    commas = delimiter != "," and _has_decimal_commas(rows[titles + 1 :], delimiter)
+    return TableText(encoding, delimiter, commas, titles + (stated is not None and titles > 0))
+
+
+def _header(rows: list[str], marks: str) -> tuple[int, str] | None:
+    """Return the index of the header and the delimiter.
+
+    The header is the first row of :data:`_LEAST` names or more, without a number, above a row of as many cells with
+    three numbers; a row of units may stand between them.
+
+    Args:
+        rows: first rows of the table.
+        marks: delimiters to try.
+    """
+    for k, row in enumerate(rows[:-1]):
+        for mark in marks:
+            cells = _cells(row, mark)
+            if len(cells) < _LEAST or any(map(_is_number, cells)):
+                continue
+            below = (_cells(other, mark) for other in rows[k + 1 : k + 3])
+            if any(len(b) == len(cells) and sum(map(_is_number, b)) >= _LEAST for b in below):
+                return k, mark
+    return None
+
+
+def _cells(row: str, mark: str) -> list[str]:
+    """Return the cells of a row without empty ones at its end."""
+    cells = [cell.strip().strip('"') for cell in next(csv.reader([row], delimiter=mark, skipinitialspace=mark == " "))]
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
+
+
+def _is_number(cell: str) -> bool:
+    return bool(_COMMA.fullmatch(cell) or _POINT.fullmatch(cell) or _WHOLE.fullmatch(cell))
 
 
 def _delimiter(header: str) -> str:

@@ -60,7 +60,7 @@ class Sheet:
             row: index of the row below the header.
         """
         with self.text.open(self.path) as text:
-            lines = Lines(text)
+            lines = Lines(text, self.text.titles)
             rows = csv.reader(lines, strict=True, delimiter=self.text.delimiter)
             next(islice(rows, row + self.above, None), None)
             return f"{self.path}, line {lines.number}"

@@ -11,7 +11,7 @@ from tanteo.io.readings.brands import BRANDS
 from tanteo.io.readings.hand_columns import ANGLES as HAND_ANGLES
 from tanteo.io.readings.hand_columns import NOTATIONS, PLACE, Notation, as_hand, notation_of
 from tanteo.io.readings.hand_columns import PLAIN as HAND_PLAIN
-from tanteo.io.readings.headers import advice, canonical, is_unrelated, with_id, with_unit
+from tanteo.io.readings.headers import advice, advice_on_size, canonical, is_unrelated, with_id, with_unit
 from tanteo.io.readings.units import ANGLE_UNITS, LENGTH_UNITS
 
 LENGTHS = (
@@ -28,6 +28,14 @@ OUTWARD = ("i", "j", "k")
 QUATERNION = NOTATIONS[0].names
 HAND = (*PLACE, *QUATERNION)
 ANGLES = ("normal_sd", "half_angle", *HAND_ANGLES)
+_DEVIATIONS = {f"{name}_{unit}" for name in DIRECTION for unit in LENGTH_UNITS}
+"""Columns ``dX [mm]`` of GOM and others: a direction has no unit, a deviation has."""
+_MOST = 10_000
+"""Largest accepted number of columns."""
+_TYPING_ERROR = 0.8
+"""Similarity of names above which an unknown column is a misspelt known one: one letter of five."""
+_SHORT = 4
+"""Largest number of letters of a name for which a similar name is another word."""
 _OF_BRANDS = tuple(name for notation in NOTATIONS[3:] for name in notation.names)
 
 
@@ -58,12 +66,14 @@ class Column:
         written: name as written in the file.
         factor: factor to metres or radians; NaN for text.
         left_out: whether the column is ignored because it does not describe readings.
+        advice: advice for a column that may have been meant to be read; empty if there is none.
     """
 
     base: str
     written: str
     factor: float
     left_out: bool = False
+    advice: str = ""
 
     @property
     def is_text(self) -> bool:
@@ -94,6 +104,8 @@ def read_header(
         ReadingsError: a column is unknown (the message names the nearest) or repeated, or a group is incomplete.
         UnitError: a unit is missing, unknown, or contradicts another column.
     """
+    if len(cells) > _MOST:
+        raise ReadingsError(f"{place}: expected up to {_MOST} columns, got {len(cells)}. Export fewer.")
     written = [cell.strip() for cell in cells]
     if any(_is_number(name) for name in written):
         raise ReadingsError(
@@ -105,8 +117,9 @@ def read_header(
     names = [with_unit(name, unit) for name, unit in zip(names, below, strict=True)] if below else names
     notation = notation_of(names)
     own = {name: _brand_unit(name, brand, notation) for name in names}
+    clear = _are_clear(names)
     columns = tuple(
-        _read_name(name, shown, f"{place}, column {k + 1}", own[name] or units)
+        _read_name(name, shown, f"{place}, column {k + 1}", own[name] or units, clear=clear)
         for k, (name, shown) in enumerate(zip(names, written, strict=True))
     )
     seen: dict[str, Column] = {}
@@ -133,10 +146,17 @@ def _brand_unit(name: str, brand: str | None, notation: Notation) -> str | None:
     return None
 
 
-def _read_name(name: str, written: str, place: str, unit: str | None) -> Column:
+def _are_clear(names: Sequence[str]) -> bool:
+    """Return whether the names contain the coordinates of a point, so that unknown columns can be excluded."""
+    return all(
+        any(name == axis or name in {f"{axis}_{unit}" for unit in LENGTH_UNITS} for name in names) for axis in POINT
+    )
+
+
+def _read_name(name: str, written: str, place: str, unit: str | None, *, clear: bool) -> Column:
     if name in TEXTS:
         return Column(name, written, float("nan"))
-    if is_unrelated(name):
+    if is_unrelated(name) or name in _DEVIATIONS:
         return Column(f"excluded: {place}", written, float("nan"), left_out=True)
     if name in PLAIN:
         return Column(name, written, 1.0)
@@ -153,8 +173,13 @@ def _read_name(name: str, written: str, place: str, unit: str | None) -> Column:
         if base in bases:
             listed = ", ".join(f"{base}_{u}" for u in units)
             raise UnitError(f"{place}: expected one of the units {listed}, got '{show(written)}'. Convert the values.")
-    if not name:
+    if not name and not clear:
         raise ReadingsError(f"{place}: expected a name, got nothing. Remove the comma or name the column.")
+    if words := advice_on_size(written):
+        raise ReadingsError(f"{place}: expected a known column, got '{show(written)}'.{words}")
+    near = did_you_mean(name, known_columns().split(", "), _TYPING_ERROR) if len(name) > _SHORT else ""
+    if clear and not near:
+        return Column(f"excluded: {place}", written, float("nan"), left_out=True, advice=advice(written))
     if words := advice(written):
         raise ReadingsError(f"{place}: expected a known column, got '{show(written)}'.{words}")
     suggestion = did_you_mean(name, known_columns().split(", ")) if len(name) > 2 else ""

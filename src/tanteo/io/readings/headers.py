@@ -13,13 +13,30 @@ _UNIT_WORDS = {
     "metre": "m", "metres": "m", "inch": "in", "inches": "in", '"': "in", "micron": "um", "microns": "um",
     "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg", "radian": "rad", "radians": "rad",
 }  # fmt: skip
-_ACTUAL = re.compile(r"^(?:actual|act|measured|meas)_|_(?:actual|act|measured|meas)(?=_|$)")
+_ACTUAL = re.compile(r"^(?:actual|act|measured|meas|ist)_|_(?:actual|act|measured|meas|ist)(?=_|$)")
 _BESIDE = re.compile(
     r"(?:time|timestamp|time_stamp|date|datetime|comments?|remarks?|notes?|operator|temp|temperature|feed|feedrate|speed"
-    r"|serial|batch|tol|tolerance|upper_tol|lower_tol|dev|deviation|result|out_of_tol|(?:nominal|nom|dev|deviation)_\w+"
-    r"|\w+_(?:nominal|nom|dev|deviation|tol))(?:_(?:mm|in|um|m|deg|rad|s|ms|c))?"
+    r"|serial|batch|tol|tolerance|upper_tol|lower_tol|dev|deviation|result|out_of_tol|(?:nominal|nom|soll|dev|deviation)_\w+"
+    r"|\w+_(?:nominal|nom|soll|dev|deviation|tol))(?:_(?:mm|in|um|m|deg|rad|s|ms|c))?"
 )
-_NAMES = ("no", "nr", "num", "number", "index", "point", "points", "point_no", "point_nr", "pt", "name", "point_name")
+_NAMES = (
+    "no",
+    "nr",
+    "num",
+    "number",
+    "index",
+    "point",
+    "points",
+    "point_no",
+    "point_nr",
+    "pt",
+    "name",
+    "point_name",
+    "nummer",
+    "punkt",
+    "messpunkt",
+    "punktname",
+)
 _LONGEST = 100
 """Largest number of characters in a column name; longer text is not matched."""
 
@@ -28,10 +45,12 @@ _WHOLE = re.compile(r"(?:\w*_)?(position|translation|orientation|rotation|normal
 _OF_HOLES = re.compile(r"(?:hole|bore|boss|circle|cylinder|sphere|feature)_(radius|diameter|diam|dia)(_\w+)?")
 _GROUPS = {"position": "hand_", "translation": "hand_", "orientation": "hand_q", "rotation": "hand_q", "normal": "n",
            "direction": "d"}  # fmt: skip
+_SIZE = re.compile(r"(?:\w+_)?(?:diameter|diam|dia)")
+_ABOUT_SIZE = (
+    "The radius of the tip's ball is half of it: name the column radius_mm and halve the values. Of holes or bosses "
+    "name it hole_diameter_mm."
+)
 _ADVICE = (
-    (r"(?:\w+_)?(?:diameter|diam|dia)",
-     "The radius of the tip's ball is half of it: name the column radius_mm and halve the values. Of holes or bosses "
-     "name it hole_diameter_mm."),
     (r"(?:std|stdev|stddev|sigma|uncertainty|unc|error|accuracy)",
      "If it is one standard deviation along the normal, name the column sd_mm; of a tolerance write a third."),
     (r"(?:v[xyz]|u|v|w)", "Name vectors nx, ny, nz if they point out of the material, dx, dy, dz if into it."),
@@ -120,5 +139,18 @@ def advice(name: str) -> str:
     Args:
         name: header cell as written.
     """
-    base = re.sub(r"_(?:mm|m|um|in|cm|deg|rad)$", "", canonical(name))
+    base = _without_unit(name)
     return next((f" {words}" for pattern, words in _ADVICE if re.fullmatch(pattern, base)), "")
+
+
+def advice_on_size(name: str) -> str:
+    """Return advice on a diameter, which decides whether points are centres; empty for other names.
+
+    Args:
+        name: header cell as written.
+    """
+    return f" {_ABOUT_SIZE}" if _SIZE.fullmatch(_without_unit(name)) else ""
+
+
+def _without_unit(name: str) -> str:
+    return re.sub(r"_(?:mm|m|um|in|cm|deg|rad)$", "", canonical(name))

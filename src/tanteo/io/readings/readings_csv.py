@@ -12,6 +12,7 @@ import numpy as np
 
 from tanteo.errors import ReadingsError
 from tanteo.geometry import SO3
+from tanteo.io.logs.contents import lost_digits
 from tanteo.io.logs.table_text import HEAD_BYTES, Lines, TableText, sniff
 from tanteo.io.readings import units
 from tanteo.io.readings.cells import Sheet
@@ -24,6 +25,9 @@ from tanteo.sensors import Column, Readings, reading_kind
 
 CHUNK = 50_000
 """Number of rows converted at a time, which limits the text in memory."""
+
+_LAST = 50
+"""Number of rows whose decimals are compared with those of the last cell."""
 
 _UNITS = (*units.LENGTH_UNITS, *units.ANGLE_UNITS)
 
@@ -55,7 +59,7 @@ def read_table(path: Path, start: bytes, stated: Stated, progress: Callable[[int
 def _read_rows(
     path: Path, text: TextIO, how: TableText, stated: Stated, progress: Callable[[int], None] | None
 ) -> Readings:
-    lines = Lines(text)
+    lines = Lines(text, how.titles)
     rows = csv.reader(lines, strict=True, delimiter=how.delimiter, skipinitialspace=how.delimiter == " ")
     try:
         header = next(rows, None)
@@ -69,12 +73,20 @@ def _read_rows(
         columns = read_header(header, place, units=stated.units, brand=stated.brand, below=(below or ())[: len(header)])
         table = Table(Sheet(path, columns, how, above=1 if below is None else 2))
         rest = rows if below is not None or second is None else chain([second], rows)
+        last: list[str] = []
         while chunk := list(islice(rest, CHUNK)):
             table.add(chunk)
+            last = [row[len(columns) - 1] for row in chunk[-_LAST:]]
             if progress is not None:
                 progress(table.count)
     except csv.Error as error:
         raise _no_table(path, lines.number, how, error) from None
+    if not lines.ended and lost_digits(last):
+        raise ReadingsError(
+            f"{path}, line {lines.number}: expected a complete last line, got a file that breaks off in "
+            f"'{last[-1][:40]}', with fewer decimals than the cells above it. Copy or export it again; if the number "
+            "is complete, end the line with a line break."
+        )
     if not table.count:
         raise ReadingsError(f"{path}: expected at least one reading below the header, got none. Add rows.")
     return table.readings(stated)
@@ -86,7 +98,7 @@ def _no_table(path: Path, number: int, how: TableText, error: csv.Error) -> Read
         return ReadingsError(f"{path}, line {number}: expected comma-separated cells, got: {error}. Correct the line.")
     first = number
     with how.open(path) as text:
-        lines = Lines(text)
+        lines = Lines(text, how.titles)
         rows = csv.reader(lines, strict=True, delimiter=how.delimiter)
         try:
             for _ in rows:

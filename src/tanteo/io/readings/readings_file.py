@@ -11,6 +11,7 @@ from tanteo.io.documents.ros_messages import RosOptions
 from tanteo.io.logs.contents import Contents
 from tanteo.io.logs.formats import FORMATS, format_named, read_log, recognise
 from tanteo.io.logs.log import LogFormat
+from tanteo.io.logs.named import refuse_by_name
 from tanteo.io.readings.bags import is_bag, read_bag, shifted
 from tanteo.io.readings.log_readings import readings_of
 from tanteo.io.readings.readings_csv import read_table
@@ -100,6 +101,8 @@ def read_readings(
         start = _beginning(path)
         form = named if format is not None else recognise(Contents(start, str(path)))
         if form is None:
+            if format is None:
+                refuse_by_name(Contents(start, str(path)))
             return read_table(path, start, stated, progress)
         return _read_log(path, form, stated)
     except UnicodeDecodeError as error:

@@ -25,7 +25,20 @@ _MEANT = {
     **dict.fromkeys(("countersink", "taper", "chamfer"), "countersinks are of kind cone, with side hole"),
 }
 """Advice for words that are written in place of a reading kind."""
+_UNIT_SLACK = 0.02
+"""Largest relative difference between lengths of directions that rounding explains."""
+_SHOWN = 20
+"""Largest number of excluded columns that a note lists."""
 _STATUSES, _SIDES = ("ok", "none"), ("hole", "boss")
+
+
+def _are_deviations(vectors: FloatArray | None) -> bool:
+    """Return whether vectors are short and of many lengths, as deviations ``dX dY dZ`` from the nominal points are."""
+    if vectors is None:
+        return False
+    lengths = np.linalg.norm(vectors, axis=1)
+    lengths = lengths[np.isfinite(lengths)]
+    return len(lengths) > 2 and bool(lengths.max() < 1 - _UNIT_SLACK and np.ptp(lengths) > _UNIT_SLACK * lengths.max())
 
 
 class Table:
@@ -164,10 +177,12 @@ class Table:
         def vectors(group: tuple[str, ...]) -> FloatArray | None:
             return np.stack([numbers[name] for name in group], axis=-1) if group[0] in numbers else None
 
+        directions = vectors(DIRECTION)
+        deviations = _are_deviations(directions)
         status = self._texts.get("status")
         self._check_free(numbers.get("range"))
         columns = {
-            "points": vectors(POINT), "ids": self._texts.get("id"), "directions": vectors(DIRECTION),
+            "points": vectors(POINT), "ids": self._texts.get("id"), "directions": None if deviations else directions,
             "normals": vectors(NORMAL), "normal_sds": numbers.get("normal_sd"), "sds": numbers.get("sd"),
             "across_sds": numbers.get("across_sd"), "radii": numbers.get("radius"),
             "features": self._texts.get("feature"), "kinds": self._texts.get("kind"),
@@ -178,9 +193,14 @@ class Table:
             "material_sides": self._texts.get("side"),
         }  # fmt: skip
         note = self.sheet.text.note()
-        left = [c.written for c in self.sheet.columns if c.left_out]
+        left = [c.written or "(no name)" for c in self.sheet.columns if c.left_out and not c.advice]
         notes = [note] if note else []
-        notes += [f"Columns excluded: {', '.join(left)}."] if left else []
+        more = f" and {len(left) - _SHOWN} more" if len(left) > _SHOWN else ""
+        notes += [f"Columns excluded: {', '.join(left[:_SHOWN])}{more}."] if left else []
+        if deviations:
+            written = ", ".join(self.sheet.by_base[name].written for name in DIRECTION)
+            notes.append(f"Columns {written} are excluded as deviations: directions have one length, such as 1.")
+        notes += [f"Column '{c.written}' was excluded.{c.advice}" for c in self.sheet.columns if c.advice]
         return assemble(columns, self.count, stated, str(self.sheet.path), notes, outward=vectors(OUTWARD))
 
     def _hole_radii(self, numbers: dict[str, FloatArray]) -> FloatArray | None:
