@@ -212,7 +212,7 @@ def read_given(path: str, part_paths: Sequence[str], options: Options, file: Fil
     from tanteo.sensors import measure, misspelt, unstated_sd
 
     rig = None if options.rig is None else files.read_rig(options.rig)
-    readings, used = read_file(path, file, options.units, rig)
+    readings, used = read_file(path, file, options.units, rig, options.sensor)
     sd = unstated_sd(readings, sensor=options.sensor, sd=options.sd, rig=rig) or options.sd
     with misuse():
         measured = measure(

@@ -96,6 +96,10 @@ def _pose(name: str, attitude: bool, text: str) -> Any:
     return io.poses.parse_pose(text, name, attitude=attitude)
 
 
+def _hand(text: str) -> Any:
+    return Path(text) if Path(text).is_file() else _pose("--hand", True, text)
+
+
 def _brand(name: str) -> str:
     try:
         found = io.brand(name)
@@ -150,8 +154,27 @@ class FileOptions:
     ] = None
     hand: Annotated[
         Transforms | None,
-        _file("--hand", "POSE", "Pose of the hand, if the file has none, as '400,200,300mm 180,0,0deg'."),
-        Words(partial(_pose, "--hand", True)),
+        _file(
+            "--hand",
+            "POSE",
+            "Pose of the hand, if the file has none, as '400,200,300mm 180,0,0deg', or a table of its poses over time.",
+        ),
+        Words(_hand),
+    ] = None
+    device: Annotated[
+        str | None, _file("--device", "NAME", "Device of the rig that wrote READINGS, if the rig has several.")
+    ] = None
+    analog: Annotated[
+        str | None,
+        _file("--analog", "SCALE", "Range of an analog output in READINGS, as 0V=160mm,10V=450mm."),
+    ] = None
+    no_target: Annotated[
+        list[str] | None,
+        _file("--no-target", "VALUES", "Values in the ranges that mean that nothing was in range, as 8190 or OL."),
+    ] = None
+    invalid: Annotated[
+        list[str] | None,
+        _file("--invalid", "VALUES", "Values in the ranges that exclude their row, as 0 or 65535: too near, errors."),
     ] = None
     topics: Annotated[
         list[str] | None,
@@ -170,7 +193,9 @@ class FileOptions:
     ] = MAX_POINTS
 
 
-def read_file(path: str, options: FileOptions, units: str | None, rig: Rig | None) -> tuple[Readings, bool]:
+def read_file(
+    path: str, options: FileOptions, units: str | None, rig: Rig | None, sensor: str | None = None
+) -> tuple[Readings, bool]:
     """Read a file of readings, and print warnings about ignored content and assumptions.
 
     Args:
@@ -178,6 +203,7 @@ def read_file(path: str, options: FileOptions, units: str | None, rig: Rig | Non
         options: options for what the file does not state.
         units: value of ``--units``; None if not given.
         rig: range sensors on the hand; None if not given.
+        sensor: name of the preset of ``--sensor``; None if not given.
 
     Returns:
         Readings, and whether ``--units`` was used for them.
@@ -188,7 +214,7 @@ def read_file(path: str, options: FileOptions, units: str | None, rig: Rig | Non
     """
     _refuse_cad(path, options)
     stated: dict[str, Any] = {name: getattr(options, name) for name in FileOptions.__slots__}
-    read = partial(io.read_readings, path, device=_device(rig), **stated)
+    read = partial(io.read_readings, path, rig=rig, sensor=sensor, **stated)
     readings, used = None, False
     try:
         readings = read()
@@ -201,12 +227,6 @@ def read_file(path: str, options: FileOptions, units: str | None, rig: Rig | Non
     for note in readings.notes:
         complain("warning", note)
     return readings, used
-
-
-def _device(rig: Rig | None) -> str | None:
-    """Return the name of the only multi-zone sensor of a rig; None if it has none or several."""
-    devices = [] if rig is None else [s.unit for s in rig.sensors if s.unit]
-    return devices[0] if len(set(devices)) == 1 else None
 
 
 def _refuse_cad(path: str, options: FileOptions) -> None:

@@ -14,6 +14,7 @@ from tanteo.cli import arguments as args
 from tanteo.cli import files, typed
 from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, print_text, put_json
+from tanteo.cli.readings import FileOptions, read_file
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -112,7 +113,8 @@ def show_rig(
 
 
 def fit(
-    log: Annotated[str, typer.Argument(metavar="LOG", help="Readings (CSV): ranges of planes at many hand poses.")],
+    log: Annotated[str, typer.Argument(metavar="LOG", help="Readings: ranges of planes at many hand poses.")],
+    file: FileOptions,
     rig: Annotated[
         str | None, args.option("--rig", "RIG", "Nominal poses of the sensors with their uncertainties (TOML).")
     ] = None,
@@ -129,6 +131,7 @@ def fit(
         str | None,
         args.option("--robot", "PRESET", "Preset of the robot that moved the hand.", autocompletion=typed.robot_names),
     ] = None,
+    units: args.Units = None,
     write: Annotated[str | None, args.option("--write", "FILE", "Write the calibrated rig (TOML).")] = None,
     picture: Picture = None,
     json: args.Json = False,
@@ -149,9 +152,7 @@ def fit(
         unlike = None if sensor is None else sensor_preset(sensor)
         errors = None if robot is None else robot_preset(robot)
     nominal = None if rig is None else files.read_rig(rig)
-    readings = io.read_readings(log)
-    for note in readings.notes:
-        complain("warning", note)
+    readings, _ = read_file(log, file, units, nominal, sensor)
     with misuse():
         found = calibrate(readings, rig=nominal, sensor=unlike, robot=errors)
     calibrated = found.status == "calibrated"

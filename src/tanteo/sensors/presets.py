@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, fields
 from functools import cache
 from importlib import resources
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -264,3 +264,44 @@ def _preset_named(what: str, name: str, table: Mapping[str, _P]) -> _P:
         suggestion = did_you_mean(name, table, 0.4)
         raise InputError(f"{what}: expected one of {', '.join(table)}, got '{name}'.{suggestion}")
     return table[name]
+
+
+Meaning = Literal["none", "near", "error"]
+"""Meaning of a range that is no distance: nothing in range, the surface is too near, the measurement failed."""
+
+MEANINGS: Mapping[str, str] = MappingProxyType(
+    {"none": "nothing in range", "near": "too near", "error": "no valid measurement"}
+)
+"""Text of each meaning."""
+
+
+@cache
+def codes_of(preset: str) -> Mapping[float, Meaning]:
+    """Return the values of a preset that are no distances [mm], with their meaning; empty for an unknown preset.
+
+    The table ``sensor_codes.csv`` states them as the device or its usual driver writes them, with the source of each.
+
+    Args:
+        preset: name of the preset.
+
+    Example:
+        >>> tanteo.sensors.presets.codes_of("vl53l0x")[8190.0]
+        'none'
+    """
+    return MappingProxyType({value: meaning for names, value, meaning in _code_rows() if preset in names})
+
+
+@cache
+def known_codes() -> Mapping[float, tuple[str, ...]]:
+    """Return all special values [mm] with the presets that write them."""
+    out: dict[float, tuple[str, ...]] = {}
+    for names, value, _ in _code_rows():
+        out[value] = (*out.get(value, ()), *names)
+    return MappingProxyType(out)
+
+
+@cache
+def _code_rows() -> tuple[tuple[tuple[str, ...], float, Meaning], ...]:
+    text = resources.files("tanteo.sensors").joinpath("sensor_codes.csv").read_text(encoding="utf-8")
+    rows = csv.DictReader(text.splitlines())
+    return tuple((tuple(row["presets"].split()), float(row["value_mm"]), row["meaning"]) for row in rows)  # type: ignore[misc]

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tanteo.errors import InputError
+from tanteo.geometry import SE3
 from tanteo.io import read_readings, read_rig
 from tanteo.io.logs import Contents, recognise
-from tanteo.sensors import measure
+from tanteo.sensors import Rig, RigSensor, measure
+from tanteo.sensors.presets import sensor_preset
 
 DISTANCES = 300 + np.arange(64).reshape(8, 8)
 """Millimetres, row by row."""
@@ -52,7 +56,17 @@ field_deg = 45
 position_mm = [0, 0, 0]
 quaternion_wxyz = [1, 0, 0, 0]
 """
-HAND = {"device": "tof", "hand": "0,0,0mm 180,0,0deg"}
+
+
+def rig(rows, columns=None):
+    columns = columns or rows
+    turned = SE3.from_parts(np.eye(3), np.zeros(3))
+    one = RigSensor("", turned, sensor_preset("vl53l5cx_zone8x8"), np.nan, 0.05, 4.0, 0.0, np.zeros((6, 6)))
+    zones = [(r, c) for r in range(rows) for c in range(columns)]
+    return Rig(tuple(replace(one, name=f"tof.{r + 1}.{c + 1}", unit="tof", T_hand_unit=turned) for r, c in zones))
+
+
+HAND = {"rig": rig(8), "hand": "0,0,0mm 180,0,0deg"}
 
 
 @pytest.mark.parametrize("way", [lines, cells, grid])
@@ -85,7 +99,7 @@ def test_a_grid_without_status_and_one_of_four_rows(tmp_path):
     readings = read_readings(save(tmp_path, 2 * bare), **HAND)
     assert len(readings) == 128
     assert "have no status codes" in readings.notes[0]
-    small = read_readings(save(tmp_path, lines(DISTANCES[:4, :4], STATUS[:4, :4])), **HAND)
+    small = read_readings(save(tmp_path, lines(DISTANCES[:4, :4], STATUS[:4, :4])), rig=rig(4), hand=HAND["hand"])
     assert set(small.sensors) >= {"tof.1.1", "tof.4.4"}
 
 

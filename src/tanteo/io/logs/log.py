@@ -40,6 +40,7 @@ class Log:
         cells: row and column of each range in its frame ``(n, 2)``, counted from 1.
         ranges: ranges ``(n,)``, NaN where the beam hit nothing.
         free: mask of beams that hit nothing ``(n,)``.
+        alternatives: other interpretations of the same file, of which the rig selects one.
         notes: sentences about assumptions and ignored content.
     """
 
@@ -62,6 +63,7 @@ class Log:
     cells: np.ndarray | None = None
     ranges: FloatArray | None = None
     free: BoolArray | None = None
+    alternatives: tuple[Log, ...] = ()
     notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:

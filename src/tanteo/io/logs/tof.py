@@ -5,10 +5,13 @@ ST's VL53L5CX, VL53L7CX and VL53L8CX print lines ``Zone : 0, Status : 5, Distanc
 ``(status)`` (SparkFun examples, last column first). Status 5 and 9 are valid, 255 means no target, all others are
 unreliable (UM2884).
 
-ams OSRAM's TMF8828 prints lines ``#Obj,address,number,..`` (Arduino driver) with four captures to a frame and
-alternating distances and confidences, or two grids (Adafruit's example). A zero distance means no target; a confidence
-below 20 is unreliable. The assignment of results to zones is that of github.com/shabaz123/TMF8828, whose viewer was
-compared with the manufacturer's.
+ams OSRAM's TMF882x print lines ``#Obj,address,number,..`` with alternating distances and confidences of 36 results
+(Arduino driver), blocks of ``conf: 255 distance mm: 184 channel: 1 sub_capture: 0`` (SparkFun's examples), or two grids
+(Adafruit's example). A zero distance means no target; a confidence below 20 is unreliable. The first 18 results are the
+nearest objects. A device of 3 x 3 zones fills only the first nine; with 4 x 4 zones results 9 and 18 are not used, and
+a TMF8828 makes 8 x 8 zones of four such captures. The assignment of results to 8 x 8 zones is that of
+github.com/shabaz123/TMF8828, whose viewer was compared with the manufacturer's. Where a log fits several grids, the rig
+selects one.
 
 A reading is named by row and column of its zone, counted from 1 with zone 0 first: ``tof.1.1``.
 """
@@ -16,7 +19,7 @@ A reading is named by row and column of its zone, counted from 1 with zone 0 fir
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,7 +38,13 @@ _CELL = re.compile(r"\|\s*(-?\d{1,6}|X)\s*:\s*(\d{1,6}|X)(?=\s*(?:\||$))")
 _COLOUR = re.compile(r"\x1b\[[\d;]*[A-Za-z]")
 _GRID = re.compile(r"\d{1,5}(?:\s*\(\s*\d{1,3}\s*\))?(?:[\s,]+\d{1,5}(?:\s*\(\s*\d{1,3}\s*\))?)*,?")
 _WORD = re.compile(r"(\d+)(?:\s*\(\s*(\d+)\s*\))?")
+_GRIDS = re.compile(r"^\s*Distance \(mm\):\s*$", re.MULTILINE)
 _OBJECT = re.compile(r"^#Obj,\d+,(\d+),", re.MULTILINE)
+_RESULT = re.compile(
+    r"conf:\s*(\d{1,3})\s+distance[ _]mm:\s*(\d{1,6})\s+channel:\s*(\d{1,2})\s+sub_capture:\s*(\d)", re.IGNORECASE
+)
+_NEAREST, _UNUSED = 18, (8, 17)
+"""Number of results of nearest objects, and those that 4 x 4 zones do not use."""
 _RESULTS = np.array([6, 15, 7, 16, 4, 13, 5, 14, 2, 11, 3, 12, 0, 9, 1, 10])
 _CORNERS = {0: 8, 1: 10, 2: 0, 3: 2}
 """First zone of each of the four captures."""
@@ -55,15 +64,26 @@ class _Seen:
     side: int
 
 
+@dataclass(frozen=True, slots=True)
+class _Results:
+    """Nearest objects of one capture of a TMF882x.
+
+    Number of the capture, and distances [mm] and confidences of 18 results ``(18, 2)``.
+    """
+
+    number: int
+    pairs: np.ndarray
+
+
 def _of_status(zone: int, distance: str, status: str, side: int) -> _Seen:
     free = status == "X" or int(status) == NO_TARGET
     reliable = free or (int(status) in VALID and int(distance) > 0)
     return _Seen(zone, float("nan") if free else float(distance), free, reliable, side)
 
 
-def _of_confidence(zone: int, distance: int, confidence: int) -> _Seen:
+def _of_confidence(zone: int, distance: int, confidence: int, side: int) -> _Seen:
     free = distance == 0
-    return _Seen(zone, float("nan") if free else float(distance), free, free or confidence >= LEAST_CONFIDENCE, 8)
+    return _Seen(zone, float("nan") if free else float(distance), free, free or confidence >= LEAST_CONFIDENCE, side)
 
 
 def recognise(contents: Contents) -> bool:
@@ -73,7 +93,7 @@ def recognise(contents: Contents) -> bool:
         contents: file to test.
     """
     head = _COLOUR.sub("", contents.head)
-    if _ZONE.search(head) or _OBJECT.search(head) or "Distance (mm):" in head:
+    if _ZONE.search(head) or _OBJECT.search(head) or _RESULT.search(head) or _GRIDS.search(head):
         return True
     if "|" in head and len(_CELL.findall(head)) >= 4 and "Status" in head:
         return True
@@ -93,9 +113,11 @@ def read(contents: Contents) -> Log:
     """
     text = _COLOUR.sub("", contents.text)
     notes: list[str] = []
-    if _OBJECT.search(text):
-        seen = _objects(contents, text)
-    elif "Distance (mm):" in text:
+    if _OBJECT.search(text) or _RESULT.search(text):
+        results = _objects(contents, text) if _OBJECT.search(text) else _printed(text)
+        logs = [_log(contents, seen, notes) for seen in _grids_of(contents, results)]
+        return replace(logs[0], alternatives=tuple(logs[1:]))
+    if _GRIDS.search(text):
         seen = _two_grids(contents, text)
     elif _ZONE.search(text):
         side = 8 if max(int(zone) for zone, _, _ in _ZONE.findall(text)) > 15 else 4
@@ -188,26 +210,58 @@ def _two_grids(contents: Contents, text: str) -> list[_Seen]:
             "a grid of confidences behind each of distances", f"{len(blocks)} grids of 8 x 8", "Log it whole."
         )
     return [
-        _of_confidence(8 * k + i, int(distance), int(confidence))
+        _of_confidence(8 * k + i, int(distance), int(confidence), 8)
         for first, second in zip(blocks[::2], blocks[1::2], strict=True)
         for k in range(8)
         for i, ((distance, _), (confidence, _)) in enumerate(zip(first[k], second[k], strict=True))
     ]
 
 
-def _objects(contents: Contents, text: str) -> list[_Seen]:
-    """Return the nearest object in each zone of the four captures of a frame."""
-    seen = []
+def _objects(contents: Contents, text: str) -> list[_Results]:
+    """Return the nearest objects of each line of the Arduino driver."""
+    out = []
     for k, line in enumerate(text.splitlines(), start=1):
         if not line.startswith("#Obj"):
             continue
         words = line.strip().split(",")
         if len(words) != 78 or not all(is_whole(word) for word in words[1:]):
             contents.fail("#Obj with 77 whole numbers", f"{len(words) - 1}", "Remove the line; was it cut off?", k)
-        capture = int(words[2]) % 4
-        pairs = np.array([int(word) for word in words[6:]]).reshape(-1, 2)[_RESULTS]
-        seen += [
-            _of_confidence(_CORNERS[capture] + 16 * (j // 4) + (0, 1, 4, 5)[j % 4], int(distance), int(confidence))
-            for j, (distance, confidence) in enumerate(pairs)
-        ]
-    return seen
+        pairs = np.array([int(word) for word in words[6:]]).reshape(-1, 2)
+        out.append(_Results(int(words[2]), pairs[:_NEAREST]))
+    return out
+
+
+def _printed(text: str) -> list[_Results]:
+    """Return the nearest objects of each block of SparkFun's example; channels count from 1."""
+    out: list[_Results] = []
+    fresh = True
+    for line in text.splitlines():
+        match = _RESULT.search(line)
+        if match is None:
+            fresh = True
+            continue
+        if fresh:
+            out.append(_Results(len(out), np.zeros((_NEAREST, 2), dtype=np.int64)))
+        fresh = False
+        confidence, distance, channel, capture = map(int, match.groups())
+        k = channel - 1 + 9 * capture
+        if 0 <= k < _NEAREST and not out[-1].pairs[k, 0]:  # the first result of a channel is its nearest object
+            out[-1].pairs[k] = distance, confidence
+    return out
+
+
+def _grids_of(contents: Contents, results: list[_Results]) -> list[list[_Seen]]:
+    """Return the zones in each grid that the used results allow: 3 x 3; 8 x 8 of four captures, and 4 x 4."""
+    used = np.any([one.pairs[:, 0] > 0 for one in results], axis=0)
+    three = not used[9:].any()
+    four = not used[list(_UNUSED)].any()
+    if not (three or four):
+        contents.fail("3 x 3, 4 x 4 or 8 x 8 zones", "results of 18 zones", "Choose another map of zones (SPAD map).")
+    nine = [_of_confidence(k, d, c, 3) for one in results for k, (d, c) in enumerate(one.pairs[:9].tolist()) if three]
+    sixteen = [(one.number, j, *one.pairs[k].tolist()) for one in results for j, k in enumerate(_RESULTS) if four]
+    square = [_of_confidence(j, d, c, 4) for _, j, d, c in sixteen]
+    eight = [
+        _of_confidence(_CORNERS[number % 4] + 16 * (j // 4) + (0, 1, 4, 5)[j % 4], d, c, 8)
+        for number, j, d, c in sixteen
+    ]
+    return [grid for grid in (nine, eight, square) if grid]

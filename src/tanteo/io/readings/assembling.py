@@ -9,7 +9,9 @@ import numpy as np
 
 from tanteo.errors import ReadingsError, UnitError
 from tanteo.geometry.typing import FloatArray, Vectors
+from tanteo.io.poses.transforms import Track
 from tanteo.io.readings.centres import find_centres, set_axis_sds
+from tanteo.io.readings.range_codes import mark_reach
 from tanteo.sensors import Readings, check_features, reading_kind
 
 if TYPE_CHECKING:
@@ -17,6 +19,9 @@ if TYPE_CHECKING:
 
 LARGEST = 100.0
 """Largest accepted coordinate or range [m]; larger values indicate a wrong unit."""
+
+TIME = "time"
+"""Column of the times of the rows [s], which only places the hand."""
 
 _INWARD = -0.3
 """Mean cosine between I, J, K and the directions away from the centroid, below which the vectors point inwards."""
@@ -42,6 +47,8 @@ def assemble(
         ReadingsError: a stated option contradicts the file, or the rows do not form valid readings.
     """
     notes = list(notes)
+    mark_reach(columns, n, stated, notes)
+    n = _place_in_time(columns, n, stated, source, notes)
     _place(columns, stated, source, notes)
     _give_radius(columns, n, stated, source)
     centres, outward = find_centres(columns, n, outward, source, notes)
@@ -60,9 +67,47 @@ def assemble(
     return readings
 
 
+def _place_in_time(columns: dict[str, Any], n: int, stated: Stated, source: str, notes: list[str]) -> int:
+    """Set the hand's poses at the times of the rows, without rows outside the known poses, and return their number."""
+    times = columns.pop(TIME, None)
+    track = stated.hand
+    if not isinstance(track, Track):
+        return n
+    if times is None or columns.get("Ts_world_hand") is not None:
+        raise ReadingsError(
+            f"{source}: expected rows with a time and without a pose of their own for the poses of --hand, got "
+            f"{'no times' if times is None else 'poses'}. Give a single pose, or drop --hand."
+        )
+    Ts, known = track.at(np.asarray(times))
+    if not known.any():
+        span = f"{track.times[0]:g} to {track.times[-1]:g} s"
+        raise ReadingsError(
+            f"{source}: expected times within those of --hand ({span}), got {np.min(times):g} to {np.max(times):g} s. "
+            "Use one clock."
+        )
+    columns["Ts_world_hand"] = Ts
+    if not known.all():
+        notes.append(f"{int((~known).sum())} of {n} readings were excluded: no pose of --hand is known at their times.")
+        for name, values in columns.items():
+            columns[name] = rows_of(values, np.flatnonzero(known).tolist())
+    return int(known.sum())
+
+
+def rows_of(values: Any, kept: list[int]) -> Any:
+    """Return some rows of a column; None for a column that is not there.
+
+    Args:
+        values: column as an array or a sequence.
+        kept: indices of the rows.
+    """
+    if values is None:
+        return None
+    return values[kept] if isinstance(values, np.ndarray) else [values[k] for k in kept]
+
+
 def _place(columns: dict[str, Any], stated: Stated, source: str, notes: list[str]) -> None:
     """Set the stated hand poses, and the tip positions where the file has poses but no points or ranges."""
-    if stated.hand is not None:
+    if stated.hand is not None and not isinstance(stated.hand, Track):
         if columns.get("Ts_world_hand") is not None:
             raise ReadingsError(
                 f"{source}: expected one pose of the hand, got its own columns and --hand. Drop --hand."

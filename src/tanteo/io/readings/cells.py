@@ -19,6 +19,7 @@ from tanteo.io.logs.table_text import Lines, TableText
 from tanteo.io.poses.poses import FULL_TURN, MANY_TURNS, in_radians
 from tanteo.io.readings.assembling import LARGEST
 from tanteo.io.readings.columns import ANGLES, DIRECTION, NORMAL, OUTWARD, POINT, QUATERNION, Column, groups
+from tanteo.io.readings.frames import Frames
 from tanteo.io.readings.hand_columns import ABB, notation_of
 
 _LARGEST_TIP = 1.0
@@ -41,12 +42,14 @@ class Sheet:
         columns: columns as named in the header.
         text: encoding, delimiter and decimal sign of the file.
         above: number of rows above the first reading.
+        frames: columns of a table of frames, of which each row holds one reading of each zone; None for other tables.
     """
 
     path: Path
     columns: tuple[Column, ...]
     text: TableText
     above: int
+    frames: Frames | None = None
 
     @cached_property
     def by_base(self) -> Mapping[str, Column]:
@@ -59,6 +62,7 @@ class Sheet:
         Args:
             row: index of the row below the header.
         """
+        row = row if self.frames is None else row // len(self.frames.zones)
         with self.text.open(self.path) as text:
             lines = Lines(text, self.text.titles)
             rows = csv.reader(lines, strict=True, delimiter=self.text.delimiter)
@@ -79,9 +83,19 @@ class Sheet:
         """
         got = f"'{show(value)}'" if value else "an empty cell"
         raise ReadingsError(
-            f"{self.place(row)}, column '{self.by_base[name].written}': expected {expected}, got {got}. "
-            "Correct the file."
+            f"{self.place(row)}, column '{self.column(name, row)}': expected {expected}, got {got}. Correct the file."
         )
+
+    def column(self, name: str, row: int) -> str:
+        """Return the name of a column as written in the file.
+
+        Args:
+            name: name of the column without unit.
+            row: index of the row below the header.
+        """
+        if self.frames is not None and name == "range":
+            return self.frames.shown
+        return self.by_base[name].written
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from tanteo.errors import InputError, ReadingsError, UnitError, did_you_mean
 from tanteo.io.documents.schema import show
+from tanteo.io.readings.assembling import TIME
 from tanteo.io.readings.brands import BRANDS
 from tanteo.io.readings.hand_columns import ANGLES as HAND_ANGLES
 from tanteo.io.readings.hand_columns import NOTATIONS, PLACE, Notation, as_hand, notation_of
@@ -21,6 +22,12 @@ LENGTHS = (
 PLAIN = ("dx", "dy", "dz", "nx", "ny", "nz", "i", "j", "k", *HAND_PLAIN)
 TEXTS = ("id", "feature", "kind", "sensor", "status", "side")
 
+TIMES = {
+    f"{name}{unit}": factor
+    for name in ("time", "t", "timestamp", "time_stamp", "stamp")
+    for unit, factor in (("", 1.0), ("_s", 1.0), ("_sec", 1.0), ("_ms", 1e-3), ("_us", 1e-6), ("_ns", 1e-9))
+}
+"""Names of the column of times, with seconds per unit."""
 POINT = ("x", "y", "z")
 DIRECTION = ("dx", "dy", "dz")
 NORMAL = ("nx", "ny", "nz")
@@ -88,8 +95,9 @@ def known_columns() -> str:
 
 
 def read_header(
-    cells: Sequence[str], place: str, *, units: str | None = None, brand: str | None = None, below: Sequence[str] = ()
-) -> tuple[Column, ...]:
+    cells: Sequence[str], place: str, *, units: str | None = None, brand: str | None = None, below: Sequence[str] = (),
+    placed: bool = False, timed: bool = False,
+) -> tuple[Column, ...]:  # fmt: skip
     """Return the columns that a header names.
 
     Args:
@@ -99,6 +107,8 @@ def read_header(
         brand: robot brand whose pose convention the ``hand_`` columns follow, including its units where the name has
             none; None if not stated.
         below: units in the row below the header; empty if there is no such row.
+        placed: whether the hand's pose is stated beside the file.
+        timed: whether the time of each row is needed.
 
     Raises:
         ReadingsError: a column is unknown (the message names the nearest) or repeated, or a group is incomplete.
@@ -119,9 +129,13 @@ def read_header(
     own = {name: _brand_unit(name, brand, notation) for name in names}
     clear = _are_clear(names)
     columns = tuple(
-        _read_name(name, shown, f"{place}, column {k + 1}", own[name] or units, clear=clear)
+        _time_column(name, shown)
+        if timed and name in TIMES
+        else _read_name(name, shown, f"{place}, column {k + 1}", own[name] or units, clear=clear)
         for k, (name, shown) in enumerate(zip(names, written, strict=True))
     )
+    if timed and not any(column.base == TIME for column in columns):
+        raise ReadingsError(f"{place}: expected a column time_s, as the poses of --hand have, got none. Add it.")
     seen: dict[str, Column] = {}
     for column in columns:
         twin = seen.setdefault(column.base, column)
@@ -131,8 +145,12 @@ def read_header(
                 f"{place}, column '{column.written}': expected '{column.base}' once, got it also as "
                 f"'{twin.written}'. Keep one."
             )
-    _check_groups(seen, place)
+    _check_groups(seen, place, placed=placed)
     return columns
+
+
+def _time_column(name: str, written: str) -> Column:
+    return Column(TIME, written, TIMES[name])
 
 
 def _brand_unit(name: str, brand: str | None, notation: Notation) -> str | None:
@@ -187,7 +205,7 @@ def _read_name(name: str, written: str, place: str, unit: str | None, *, clear: 
     raise ReadingsError(f"{place}: expected one of {known_columns()}, got '{show(written)}'.{suggestion}")
 
 
-def _check_groups(columns: dict[str, Column], place: str) -> None:
+def _check_groups(columns: dict[str, Column], place: str, *, placed: bool) -> None:
     notation = notation_of(columns)
     others = [name for one in NOTATIONS for name in one.names if name in columns and name not in notation.names]
     if others:
@@ -207,7 +225,8 @@ def _check_groups(columns: dict[str, Column], place: str) -> None:
                 f"{place}: expected {', '.join(group)} together, got only {have}. Add {', '.join(missing)} (with unit "
                 f"where it is a length or an angle).{instead}"
             )
-    if "x" not in columns and not {"range", "sensor", "hand_x"} <= columns.keys() and _lacks_points(columns):
+    needed = {"range", "sensor"} if placed else {"range", "sensor", "hand_x"}
+    if "x" not in columns and not needed <= columns.keys() and _lacks_points(columns):
         raise ReadingsError(
             f"{place}: expected x_mm, y_mm, z_mm (or range_mm, sensor and the hand_ columns), got "
             f"{show(', '.join(c.written for c in columns.values()))}. Add where the points are."

@@ -15,7 +15,7 @@ _UNIT_WORDS = {
 }  # fmt: skip
 _ACTUAL = re.compile(r"^(?:actual|act|measured|meas|ist)_|_(?:actual|act|measured|meas|ist)(?=_|$)")
 _BESIDE = re.compile(
-    r"(?:time|timestamp|time_stamp|date|datetime|comments?|remarks?|notes?|operator|temp|temperature|feed|feedrate|speed"
+    r"(?:time|t|stamp|timestamp|time_stamp|date|datetime|comments?|remarks?|notes?|operator|temp|temperature|feed|feedrate|speed"
     r"|serial|batch|tol|tolerance|upper_tol|lower_tol|dev|deviation|result|out_of_tol|(?:nominal|nom|soll|dev|deviation)_\w+"
     r"|\w+_(?:nominal|nom|soll|dev|deviation|tol))(?:_(?:mm|in|um|m|deg|rad|s|ms|c))?"
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,11 @@ import numpy as np
 from tanteo.errors import ReadingsError, UnitError
 from tanteo.io.logs.log import Log, LogFormat
 from tanteo.io.poses.poses import pose_from_brand
-from tanteo.io.readings.assembling import assemble
+from tanteo.io.readings.assembling import assemble, rows_of
+from tanteo.io.readings.frames import zones_of
+from tanteo.io.readings.range_codes import decode, note_on_codes, refuse_strange
 from tanteo.io.readings.stated import Stated
+from tanteo.io.readings.table import INVALID
 from tanteo.io.readings.units import length_unit
 from tanteo.sensors import Readings, reading_kind
 from tanteo.sensors.kinds import SIZES
@@ -36,6 +40,7 @@ def readings_of(log: Log, stated: Stated, form: LogFormat, source: str) -> Readi
         ReadingsError: a required option is missing (the message names it), or an option contradicts the file.
         UnitError: the unit is missing, or the stated unit contradicts the file.
     """
+    log, stated = _of_device(log, stated, form, source)
     metre = _metre(log, stated, form, source)
     notes = [*log.notes]
     touched = log.points is not None and not all(reading_kind(kind).centre for kind in log.kinds or ("point",))
@@ -45,8 +50,10 @@ def readings_of(log: Log, stated: Stated, form: LogFormat, source: str) -> Readi
         notes.append(
             "The standard deviation of the normals is unknown, so they are ignored; use --normal-sd 10deg to use them."
         )
-    n = len(log)
-    return assemble(_columns(log, stated, metre, source), n, stated, source, notes, outward=log.outward)
+    columns, n = _columns(log, stated, metre, source), len(log)
+    if log.ranges is not None:
+        columns, n = _without_codes(columns, log, stated, metre, source, notes)
+    return assemble(columns, n, stated, source, notes, outward=log.outward)
 
 
 def _metre(log: Log, stated: Stated, form: LogFormat, source: str) -> float:
@@ -57,7 +64,7 @@ def _metre(log: Log, stated: Stated, form: LogFormat, source: str) -> float:
     if log.centres and log.radii is None and stated.radius is None:
         missing.append("--radius")
     if log.ranges is not None:
-        missing += [name for name, value in (("--rig", stated.device), ("--hand", stated.hand)) if value is None]
+        missing += [name for name, value in (("--rig", stated.rig), ("--hand", stated.hand)) if value is None]
     if missing:
         error = UnitError if missing == ["--units"] else ReadingsError
         listed = " and ".join(_EXAMPLES[name] for name in missing)
@@ -90,7 +97,55 @@ def _columns(log: Log, stated: Stated, metre: float, source: str) -> dict[str, A
             columns["Ts_world_hand"] = pose_from_brand(log.brand, log.poses)
         except ValueError as error:
             raise ReadingsError(f"{source}: {error}") from None
-    if log.ranges is not None and log.cells is not None:
+    if log.ranges is not None:
         columns["ranges"], columns["is_free"] = log.ranges * metre, log.free
-        columns["sensors"] = [f"{stated.device}.{row}.{column}" for row, column in np.asarray(log.cells).tolist()]
+        columns["sensors"] = (
+            [str(stated.device)] * len(log)
+            if log.cells is None
+            else [f"{stated.device}.{row}.{column}" for row, column in np.asarray(log.cells).tolist()]
+        )
     return columns
+
+
+def _without_codes(
+    columns: dict[str, Any], log: Log, stated: Stated, metre: float, source: str, notes: list[str]
+) -> tuple[dict[str, Any], int]:
+    """Return the columns with codes of the device as free-space rays or excluded, and the number of rows."""
+    assert log.ranges is not None
+    assert log.free is not None
+    cells = [
+        "" if free else f"{value:.12g}" for value, free in zip(log.ranges.tolist(), log.free.tolist(), strict=True)
+    ]
+    found = decode(cells, columns["sensors"], metre, stated)
+    refuse_strange(source, found)
+    marks = np.array(found.marks)
+    if words := note_on_codes(found.words, found.marks):
+        notes.append(words)
+    columns["is_free"] = log.free | (marks == "none")
+    columns["ranges"] = np.where(marks == "", columns["ranges"], np.nan)
+    kept = np.flatnonzero(marks != INVALID)
+    if not len(kept):
+        raise ReadingsError(f"{source}: expected at least one measurement, got codes only. Check the sensor.")
+    return {name: rows_of(values, kept.tolist()) for name, values in columns.items()}, len(kept)
+
+
+def _of_device(log: Log, stated: Stated, form: LogFormat, source: str) -> tuple[Log, Stated]:
+    """Return the reading of the log that fits the rig's device, and the options with the name of that device."""
+    if log.ranges is None or stated.rig is None:
+        return log, stated
+    readings = (log, *log.alternatives)
+    devices: dict[str, tuple[int, int] | None] = {**zones_of(stated.rig)}
+    devices |= {s.name: None for s in stated.rig.sensors if not s.unit}
+    fitting = [(one, name) for one in readings for name, zones in devices.items() if zones == one.zones]
+    if stated.device is not None:
+        fitting = [(one, name) for one, name in fitting if name == stated.device]
+    if len({name for _, name in fitting}) != 1:
+        wanted = " or ".join(_shape(one.zones) for one in readings)
+        have = ", ".join(f"'{name}' ({_shape(zones)})" for name, zones in devices.items())
+        advice = "Name it with --device." if fitting and stated.device is None else "Correct zones in the rig."
+        raise ReadingsError(f"{source}: expected one device of the rig with {wanted}, got {have}. {advice}")
+    return fitting[0][0], replace(stated, device=fitting[0][1])
+
+
+def _shape(zones: tuple[int, int] | None) -> str:
+    return "a single beam" if zones is None else f"{zones[0]} x {zones[1]} zones"

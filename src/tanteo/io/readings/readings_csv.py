@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any, TextIO
@@ -14,9 +14,12 @@ from tanteo.errors import ReadingsError
 from tanteo.geometry import SO3
 from tanteo.io.logs.contents import lost_digits
 from tanteo.io.logs.table_text import HEAD_BYTES, Lines, TableText, sniff
+from tanteo.io.poses.transforms import Track
 from tanteo.io.readings import units
+from tanteo.io.readings.analog import find_analog
 from tanteo.io.readings.cells import Sheet
 from tanteo.io.readings.columns import DIRECTION, HAND, NORMAL, POINT, read_header
+from tanteo.io.readings.frames import find_frames
 from tanteo.io.readings.headers import units_row
 from tanteo.io.readings.stated import Stated
 from tanteo.io.readings.table import Table
@@ -56,6 +59,34 @@ def read_table(path: Path, start: bytes, stated: Stated, progress: Callable[[int
         return _read_rows(path, text, how, stated, progress)
 
 
+def read_track(path: Path, *, units: str | None = None, brand: str | None = None) -> Track:
+    """Read the poses of the hand over time from a table with the columns ``time_s`` and of the hand's pose.
+
+    Args:
+        path: file to read.
+        units: length unit of columns without one.
+        brand: robot brand whose convention the rotation follows, where the names do not state it.
+
+    Raises:
+        ReadingsError: the file is not such a table, or an entry is invalid.
+    """
+    with path.open("rb") as binary:
+        start = binary.read(HEAD_BYTES)
+    how = sniff(start, whole=len(start) < HEAD_BYTES)
+    if how is None:
+        raise ReadingsError(f"{path}: expected a table of hand poses as text, got a binary file. Export it as CSV.")
+    with how.open(path) as text:
+        lines = Lines(text)
+        rows = csv.reader(lines, strict=True, delimiter=how.delimiter, skipinitialspace=how.delimiter == " ")
+        header = next(rows, None) or []
+        place = f"{path}, line {lines.number}"
+        columns = read_header(header, place, units=units, brand=brand, timed=True)
+        table = Table(Sheet(path, columns, how, above=1), Stated(brand=brand))
+        while chunk := list(islice(rows, CHUNK)):
+            table.add(chunk)
+        return table.track()
+
+
 def _read_rows(
     path: Path, text: TextIO, how: TableText, stated: Stated, progress: Callable[[int], None] | None
 ) -> Readings:
@@ -70,9 +101,19 @@ def _read_rows(
         place = f"{path}, line {lines.number}"
         second = next(rows, None)
         below = units_row(second, _UNITS) if second and len(second) >= len(header) else None
-        columns = read_header(header, place, units=stated.units, brand=stated.brand, below=(below or ())[: len(header)])
-        table = Table(Sheet(path, columns, how, above=1 if below is None else 2))
-        rest = rows if below is not None or second is None else chain([second], rows)
+        rest: Iterator[list[str]] = rows if below is not None or second is None else chain([second], rows)
+        analog = find_analog(header, place, stated.analog)
+        if analog is not None:
+            rest = analog.rows(rest)
+            header[analog.index] = "range_mm"
+        frames = find_frames(header, place, stated) if below is None else None
+        if frames is not None:
+            rest, header = frames.rows(rest, len(header)), list(frames.header)
+        columns = read_header(
+            header, place, units=stated.units, brand=stated.brand, below=(below or ())[: len(header)],
+            placed=stated.hand is not None, timed=isinstance(stated.hand, Track),
+        )  # fmt: skip
+        table = Table(Sheet(path, columns, how, above=1 if below is None else 2, frames=frames), stated)
         last: list[str] = []
         while chunk := list(islice(rest, CHUNK)):
             table.add(chunk)
@@ -89,7 +130,7 @@ def _read_rows(
         )
     if not table.count:
         raise ReadingsError(f"{path}: expected at least one reading below the header, got none. Add rows.")
-    return table.readings(stated)
+    return table.readings()
 
 
 def _no_table(path: Path, number: int, how: TableText, error: csv.Error) -> ReadingsError:

@@ -12,13 +12,17 @@ from tanteo.io.logs.contents import Contents
 from tanteo.io.logs.formats import FORMATS, format_named, read_log, recognise
 from tanteo.io.logs.log import LogFormat
 from tanteo.io.logs.named import refuse_by_name
+from tanteo.io.poses.transforms import Track
+from tanteo.io.readings.analog import parse_scale
 from tanteo.io.readings.bags import is_bag, read_bag, shifted
 from tanteo.io.readings.log_readings import readings_of
-from tanteo.io.readings.readings_csv import read_table
+from tanteo.io.readings.range_codes import parse_special
+from tanteo.io.readings.readings_csv import read_table, read_track
 from tanteo.io.readings.ros_readings import BAG
 from tanteo.io.readings.stated import Direction, Stated, as_brand, as_direction, as_pose
+from tanteo.io.readings.table import INVALID
 from tanteo.plugins import guarded
-from tanteo.sensors import Readings
+from tanteo.sensors import Readings, Rig
 
 _RECOGNISED = 2_000_000
 """Number of leading bytes used to recognize a format."""
@@ -40,8 +44,13 @@ def read_readings(
     normal_sd: float | None = None,
     brand: str | None = None,
     tool: str | Transforms | Vectors | None = None,
-    hand: str | Transforms | None = None,
+    hand: str | Transforms | Path | None = None,
+    rig: Rig | None = None,
     device: str | None = None,
+    sensor: str | None = None,
+    analog: str | None = None,
+    no_target: str | Sequence[str] | None = None,
+    invalid: str | Sequence[str] | None = None,
     max_points: int | None = None,
     topics: Sequence[str] | None = None,
     world: str | None = None,
@@ -64,8 +73,14 @@ def read_readings(
         normal_sd: standard deviation of the file's normals for each tilt component [rad].
         brand: robot brand of the ``hand_`` columns, where their names are ambiguous: a name of :data:`BRANDS`.
         tool: tip on the hand: offset ``(3,)`` [m], ``T_hand_tip`` ``(4, 4)`` [m], or a text such as ``"0,0,150mm"``.
-        hand: ``T_world_hand`` ``(4, 4)`` [m] for a file without it, or a text such as ``"400,200,300mm 180,0,0deg"``.
-        device: name of the rig's device that measured a frame of zones.
+        hand: ``T_world_hand`` ``(4, 4)`` [m] for a file without it, a text such as ``"400,200,300mm 180,0,0deg"``, or a
+            table of its poses over time, which are interpolated at the times of the rows.
+        rig: range sensors on the hand, whose names, zones and codes the file uses.
+        device: name of the rig's device that measured a frame of zones, where the rig has several.
+        sensor: name of the preset whose codes the ranges use, where the rig does not state one.
+        analog: range of an analog output by two points, as ``"0V=160mm,10V=450mm"``, for a column such as ``range_v``.
+        no_target: values in the range column that mean that nothing was in range, as ``"8190"`` or ``"OL"``.
+        invalid: values in the range column that exclude their row: too near, or no valid measurement.
         max_points: largest number of readings to keep, drawn at random; None for all.
         topics: topics with readings in a ROS recording; None to choose them automatically, with a note.
         world: name of the world frame in a ROS recording; None for the root of the frames above the readings.
@@ -86,7 +101,10 @@ def read_readings(
     path = Path(path)
     stated = Stated(
         units=units, radius=radius, direction=as_direction(direction), normal_sd=normal_sd, brand=as_brand(brand),
-        tool=as_pose("tool", tool), hand=as_pose("hand", hand), device=device, max_points=max_points,
+        tool=as_pose("tool", tool), hand=_hand(hand, units, brand), rig=rig, device=device, sensor=sensor,
+        analog=None if analog is None else parse_scale(analog),
+        special=(*parse_special(no_target, "no_target", "none"), *parse_special(invalid, "invalid", INVALID)),
+        max_points=max_points,
     )  # fmt: skip
     named = format_named(format) if format not in (None, BAG) else None
     of_bag = RosOptions(tuple(topics or ()), world, latency or 0.0)
@@ -144,6 +162,16 @@ def read_shifted(
         return ()
     stated = Stated(radius=radius, direction=as_direction(direction), max_points=max_points)
     return shifted(path, stated, RosOptions(tuple(topics or ()), world, latency or 0.0), shifts)
+
+
+def _hand(hand: str | Transforms | Path | None, units: str | None, brand: str | None) -> Transforms | Track | None:
+    """Return the stated pose of the hand, or its poses over time from a file."""
+    if isinstance(hand, Path) or (isinstance(hand, str) and Path(hand).is_file()):
+        try:
+            return read_track(Path(hand), units=units, brand=as_brand(brand))
+        except OSError as error:
+            raise ReadingsError(f"{hand}: expected a table of hand poses, got: {error.strerror}.") from None
+    return as_pose("hand", hand)
 
 
 def _beginning(path: Path) -> bytes:

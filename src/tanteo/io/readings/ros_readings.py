@@ -240,7 +240,8 @@ def _values(rows: Sequence[Row]) -> tuple[FloatArray, FloatArray, BoolArray, Flo
     stated = variances > 0
     limited = most > 0
     sds = np.where(stated, np.sqrt(np.where(stated, variances, 1.0)), np.nan) if stated.any() else None
-    return ranges, most, (limited & (ranges > most)) | np.isinf(ranges), sds
+    # drivers write their largest range, and not only more than it, where nothing is in range
+    return ranges, most, (limited & (ranges >= most)) | np.isinf(ranges), sds
 
 
 def _beams(rows: Sequence[Row], ids: Sequence[str], Ts: Transforms, source: str, notes: Sequence[str]) -> Readings:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -12,8 +12,14 @@ from tanteo.errors import InputError, check_kind
 from tanteo.geometry.limits import LARGEST_TILT_SD, LEAST_TILT_SD, check_length
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.io.poses.pose_syntax import parse_pose
+from tanteo.io.poses.transforms import Track
 from tanteo.io.readings.brands import brand as known_brand
 from tanteo.io.readings.units import length_unit, parse_lengths
+
+if TYPE_CHECKING:
+    from tanteo.io.readings.analog import Scale
+    from tanteo.io.readings.range_codes import Special
+    from tanteo.sensors import Rig
 
 _WORDS = {"down": (0, 0, -1), "up": (0, 0, 1)} | {
     f"{sign}{axis}": tuple((-1 if sign == "-" else 1) * (k == i) for k in range(3))
@@ -49,8 +55,12 @@ class Stated:
         normal_sd: standard deviation of normals for each tilt component [rad].
         brand: robot brand whose convention the hand's pose columns follow.
         tool: ``T_hand_tip`` ``(4, 4)`` [m].
-        hand: ``T_world_hand`` ``(4, 4)`` [m] of rows without one.
-        device: name of the rig's device that measured a frame of zones.
+        hand: ``T_world_hand`` ``(4, 4)`` [m] of rows without one, or the hand's poses over time.
+        rig: range sensors on the hand.
+        device: name of the rig's device that measured a frame of zones, where the rig has several.
+        sensor: name of the preset of ranges without a sensor in the rig.
+        analog: range of an analog output.
+        special: values that are no distances, see :mod:`tanteo.io.readings.range_codes`.
         max_points: largest number of readings to keep, drawn at random.
     """
 
@@ -60,8 +70,12 @@ class Stated:
     normal_sd: float | None = None
     brand: str | None = None
     tool: Transforms | None = None
-    hand: Transforms | None = None
+    hand: Transforms | Track | None = None
+    rig: Rig | None = None
     device: str | None = None
+    sensor: str | None = None
+    analog: Scale | None = None
+    special: tuple[Special, ...] = ()
     max_points: int | None = None
 
     def __post_init__(self) -> None:

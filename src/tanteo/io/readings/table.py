@@ -10,10 +10,13 @@ import numpy as np
 
 from tanteo.errors import ReadingsError
 from tanteo.geometry.typing import BoolArray, FloatArray
-from tanteo.io.readings.assembling import assemble
+from tanteo.io.logs.log import counted
+from tanteo.io.poses.transforms import Track
+from tanteo.io.readings.assembling import TIME, assemble, rows_of
 from tanteo.io.readings.cells import Numbers, Sheet
 from tanteo.io.readings.columns import DIRECTION, NORMAL, OUTWARD, POINT, Column
 from tanteo.io.readings.hand_columns import hand_poses, skewed_row, stated_brand
+from tanteo.io.readings.range_codes import decode, is_code, note_on_codes, refuse_strange
 from tanteo.io.readings.stated import Stated
 from tanteo.sensors import Readings
 from tanteo.sensors.kinds import reading_kinds
@@ -29,7 +32,9 @@ _UNIT_SLACK = 0.02
 """Largest relative difference between lengths of directions that rounding explains."""
 _SHOWN = 20
 """Largest number of excluded columns that a note lists."""
-_STATUSES, _SIDES = ("ok", "none"), ("hole", "boss")
+INVALID = "invalid"
+"""Status of a row without a measurement, which is excluded."""
+_STATUSES, _SIDES = ("ok", "none", INVALID), ("hole", "boss")
 
 
 def _are_deviations(vectors: FloatArray | None) -> bool:
@@ -44,13 +49,16 @@ def _are_deviations(vectors: FloatArray | None) -> bool:
 class Table:
     """Collector of converted rows of a readings file."""
 
-    def __init__(self, sheet: Sheet) -> None:
+    def __init__(self, sheet: Sheet, stated: Stated) -> None:
         """Create a table without rows.
 
         Args:
             sheet: file and its columns.
+            stated: options for what the file does not contain.
         """
-        self.sheet, self.count = sheet, 0
+        self.sheet, self.stated, self.count = sheet, stated, 0
+        self._marks: list[str] = []
+        self._words: dict[tuple[str, str], None] = {}
         self._numbers: dict[str, list[FloatArray]] = {
             c.base: [] for c in sheet.columns if not c.is_text and not c.left_out
         }
@@ -79,7 +87,11 @@ class Table:
                 f"('{','.join(rows[k])[:60]}'). Mind decimal commas and missing cells."
             )
         chunk: dict[str, FloatArray] = {}
-        for column, cells in zip(columns, zip(*rows, strict=True), strict=True):
+        written = dict(zip([column.base for column in columns], zip(*rows, strict=True), strict=True))
+        if "range" in written:
+            written["range"] = tuple(self._distances(written))
+        for column in columns:
+            cells = written[column.base]
             if column.left_out:
                 continue
             if column.is_text:
@@ -89,6 +101,22 @@ class Table:
                 self._numbers[column.base].append(chunk[column.base])
         Numbers(self.sheet, self.count, self._texts.get("id"), chunk).check()
         self.count += len(rows)
+
+    def _distances(self, written: dict[str, tuple[str, ...]]) -> list[str]:
+        """Return the range cells of a chunk without codes, whose meanings are kept as marks of the rows."""
+        cells = list(written["range"])
+        if self.sheet.text.decimal_comma:
+            cells = [cell.replace(",", ".") for cell in cells]
+        status = [cell.strip() for cell in written.get("status", [""] * len(cells))]
+        # a row that states to be invalid may have any range; a free beam has none, or a code
+        cells = ["" if s == INVALID or (s == "none" and is_code(c)) else c for c, s in zip(cells, status, strict=True)]
+        found = decode(cells, written.get("sensor"), self.sheet.by_base["range"].factor, self.stated)
+        if found.strange is not None:
+            row = self.count + found.strange
+            refuse_strange(f"{self.sheet.place(row)}, column '{self.sheet.column('range', row)}'", found)
+        self._words.update(dict.fromkeys(found.words))
+        self._marks += found.marks
+        return found.cells
 
     def _names(self, column: Column, cells: Sequence[str]) -> list[str]:
         pool = self._pool
@@ -146,11 +174,11 @@ class Table:
             values[k] = number
         return values
 
-    def _check_free(self, ranges: FloatArray | None) -> None:
+    def _check_free(self, ranges: FloatArray | None, statuses: list[str] | None) -> None:
         """Refuse rows that state both that nothing was hit and what was hit."""
-        if "status" not in self._texts:
+        if statuses is None:
             return
-        status = np.array(self._texts["status"], dtype=object)
+        status = np.array(statuses, dtype=object)
         kinds = np.array(self._texts.get("kind", [""] * len(status)), dtype=object)
         free = status == "none"
         self._contradicts((status == "ok") & (kinds == "free"), "status none of a beam of kind free, got 'ok'")
@@ -163,11 +191,15 @@ class Table:
             advice = "Status none means that the beam hit nothing. Correct the status or the other columns."
             raise ReadingsError(f"{self.sheet.place(int(np.argmax(wrong)))}: expected {expected}. {advice}")
 
-    def readings(self, stated: Stated) -> Readings:
-        """Return the whole table as readings, after all rows were added.
+    def _statuses(self) -> list[str] | None:
+        """Return the status of each row, from the column and from codes in the ranges; None if there are neither."""
+        own = self._texts.get("status")
+        if not any(self._marks):
+            return own
+        return [mark or word for mark, word in zip(self._marks, own or self._marks, strict=True)]
 
-        Args:
-            stated: options for what the file does not contain.
+    def readings(self) -> Readings:
+        """Return the whole table as readings, after all rows were added; rows without a measurement are excluded.
 
         Raises:
             ReadingsError: the rows contradict each other or the stated options.
@@ -179,18 +211,18 @@ class Table:
 
         directions = vectors(DIRECTION)
         deviations = _are_deviations(directions)
-        status = self._texts.get("status")
-        self._check_free(numbers.get("range"))
+        status = self._statuses()
+        self._check_free(numbers.get("range"), status)
         columns = {
             "points": vectors(POINT), "ids": self._texts.get("id"), "directions": None if deviations else directions,
             "normals": vectors(NORMAL), "normal_sds": numbers.get("normal_sd"), "sds": numbers.get("sd"),
             "across_sds": numbers.get("across_sd"), "radii": numbers.get("radius"),
             "features": self._texts.get("feature"), "kinds": self._texts.get("kind"),
-            "Ts_world_hand": hand_poses(numbers, self._brand(numbers, stated)), "ranges": numbers.get("range"),
+            "Ts_world_hand": hand_poses(numbers, self._brand(numbers, self.stated)), "ranges": numbers.get("range"),
             "sensors": self._texts.get("sensor"), "max_ranges": numbers.get("max"),
             "is_free": None if status is None else np.array([s == "none" for s in status]),
             "hole_radii": self._hole_radii(numbers), "half_angles": numbers.get("half_angle"),
-            "material_sides": self._texts.get("side"),
+            "material_sides": self._texts.get("side"), TIME: numbers.get(TIME),
         }  # fmt: skip
         note = self.sheet.text.note()
         left = [c.written or "(no name)" for c in self.sheet.columns if c.left_out and not c.advice]
@@ -201,7 +233,37 @@ class Table:
             written = ", ".join(self.sheet.by_base[name].written for name in DIRECTION)
             notes.append(f"Columns {written} are excluded as deviations: directions have one length, such as 1.")
         notes += [f"Column '{c.written}' was excluded.{c.advice}" for c in self.sheet.columns if c.advice]
-        return assemble(columns, self.count, stated, str(self.sheet.path), notes, outward=vectors(OUTWARD))
+        notes += [] if self.sheet.frames is None else self.sheet.frames.notes
+        if words := note_on_codes(tuple(self._words), self._marks):
+            notes.append(words)
+        kept = [k for k, word in enumerate(status or ()) if word != INVALID]
+        outward = vectors(OUTWARD)
+        n = self.count
+        if status is not None and len(kept) < n:
+            if not kept:
+                raise ReadingsError(f"{self.sheet.path}: expected at least one measurement, got {n} invalid rows.")
+            columns = {name: rows_of(values, kept) for name, values in columns.items()}
+            outward = None if outward is None else outward[kept]
+            stated_invalid = (self._texts.get("status") or []).count(INVALID)
+            if stated_invalid:
+                notes.append(f"Excluded: {counted(stated_invalid, 'row')} of status invalid.")
+            n = len(kept)
+        return assemble(columns, n, self.stated, str(self.sheet.path), notes, outward=outward)
+
+    def track(self) -> Track:
+        """Return the poses of the hand over time.
+
+        Raises:
+            ReadingsError: there are no rows, or a row lacks its time or pose.
+        """
+        numbers = {base: np.concatenate(chunks) for base, chunks in self._numbers.items() if chunks}
+        Ts = hand_poses(numbers, self._brand(numbers, self.stated))
+        if Ts is None or not np.isfinite(numbers[TIME]).all() or not np.isfinite(Ts).all():
+            raise ReadingsError(
+                f"{self.sheet.path}: expected rows with a time and a pose of the hand, got none or empty cells. "
+                "Correct the file."
+            )
+        return Track.of(list(zip(numbers[TIME].tolist(), Ts, strict=True)))
 
     def _hole_radii(self, numbers: dict[str, FloatArray]) -> FloatArray | None:
         """Return the radii of holes and bosses; a row with two sizes is refused."""

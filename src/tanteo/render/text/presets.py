@@ -10,7 +10,7 @@ import numpy as np
 from tanteo.geometry.typing import FloatArray
 from tanteo.render.text.layout import PLAIN, Layout, printable
 from tanteo.sensors import Device, Rig, RigSensor
-from tanteo.sensors.presets import RobotPreset, SensorPreset
+from tanteo.sensors.presets import MEANINGS, RobotPreset, SensorPreset, codes_of
 
 _KEY = "V stated in the source, C computed from the source, M from memory, A assumed"
 _COLUMNS = 6
@@ -68,6 +68,8 @@ def sensor_lines(preset: SensorPreset, *, layout: Layout = PLAIN) -> list[str]:
         f"             ({_KEY})",
         f"  source     {preset.source}",
     ]
+    codes = [f"{value:g} {MEANINGS[meaning]}" for value, meaning in codes_of(preset.name).items()]
+    lines += [f"  codes      {', '.join(codes)} [mm as written]"] if codes else []
     return lines if preset.is_contact else [*lines, "", *_noise_table(preset, layout)]
 
 
