@@ -2,8 +2,8 @@
 
 A value has the meaning that the user states, else that of the device (``tanteo.sensors.presets``), else that of ROS
 REP 117: plus infinity means that nothing was in range, minus infinity too near, NaN no valid measurement. Nothing in
-range becomes a free-space ray; too near and no measurement exclude the row. A value that no device would measure is refused
-where its meaning is unknown.
+range becomes a free-space ray; too near and no measurement exclude the row. A value that no device would measure is
+refused where its meaning is unknown.
 """
 
 from __future__ import annotations
