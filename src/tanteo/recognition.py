@@ -139,7 +139,7 @@ def identify(
     if (whole := _of_whole(answer, priors, parts, settings)) is not None:
         answer = answer.adding(whole)
     answer = with_elapsed(answer, measure=elapsed)
-    frames = about_frames(answer, scale_of(measured.points, parts), measured, settings.checks)
+    frames = about_frames(answer, readings, scale_of(measured.points, parts), measured, settings.checks)
 
     note: Finding | None = None
     if conventions:
@@ -160,6 +160,12 @@ class Query:
     def __init__(self, **options: Any) -> None:
         """Keep the keyword arguments of :func:`identify`."""
         self._options = options
+
+    @property
+    def rig(self) -> Rig | None:
+        """Range sensors on the hand; None if there are none."""
+        rig: Rig | None = self._options.get("rig")
+        return rig
 
     def problem(self, readings: Readings, parts: Sequence[Part]) -> tuple[Problem, Candidates]:
         """Return the measurements and priors of the inference for other readings, and its candidate parts."""

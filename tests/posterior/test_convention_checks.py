@@ -7,7 +7,8 @@ import pytest
 
 import tanteo
 from bare_scenes import box_centred_pose
-from tanteo.geometry import SE3
+from tanteo.geometry import SE3, SO3
+from tanteo.sensors import Rig, RigSensor
 from tanteo.words.findings import Convention, OffsetQuestion
 
 SD, RADIUS = 5e-5, 2e-3
@@ -77,3 +78,36 @@ def test_elapsed_time_has_the_checks_in_it(blocks):
     whole = time.perf_counter() - start
     assert answer.elapsed["conventions"] > 0
     assert answer.elapsed["total"] == pytest.approx(whole, abs=0.05 * whole + 0.02)
+
+
+def ranged(part, rng, T_hand_sensor, n=20):
+    """Return ranges at a block from a sensor on the hand whose beam is along +z of its frame."""
+    points, normals = touches(part, rng, n=n)
+    distances = rng.uniform(0.05, 0.1, n)
+    hands = []
+    for point, normal, distance in zip(points, normals, distances, strict=True):
+        R = SO3.frame_from_axis(-normal, 2) @ SO3.axis_rotation(2, rng.uniform(-3, 3))
+        hands.append(SE3.from_parts(R, point + distance * normal) @ SE3.inverse(T_hand_sensor))
+    return tanteo.Readings.from_columns(ranges=distances, sensors=["eye"] * n, Ts_world_hand=np.array(hands), n=n)
+
+
+FORWARD = SE3.from_parts(np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), np.zeros(3))
+MOUNT = SE3.from_parts(SO3.exp(np.array([0.3, -0.5, 0.8])), np.array([0.03, -0.04, 0.09]))
+STATED = {
+    "beam_along_x": MOUNT @ SE3.inverse(FORWARD),
+    "mount_inverted": SE3.inverse(MOUNT),
+    "mount_inverted_along_x": SE3.inverse(MOUNT @ SE3.inverse(FORWARD)),
+    "mount_quaternion_xyzw": SE3.from_parts(
+        SO3.from_quaternion(np.roll(SO3.as_quaternion(MOUNT[:3, :3]), -1)), MOUNT[:3, 3]
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", STATED)
+def test_a_slip_in_the_pose_of_a_sensor_is_named(blocks, mistake):
+    readings = ranged(blocks[0], np.random.default_rng(4), MOUNT)
+    sensor = RigSensor("eye", STATED[mistake], None, SD, 0.0, np.nan, 0.0, np.zeros((6, 6)))
+    answer = tanteo.identify(readings, blocks[:1], rig=Rig((sensor,)))
+    assert answer.status == "unknown"
+    (found,) = (one for one in answer.findings if isinstance(one, Convention))
+    assert found.mistake == mistake

@@ -211,7 +211,7 @@ def read_given(path: str, part_paths: Sequence[str], options: Options, file: Fil
     """
     from tanteo.sensors import measure, misspelt, unstated_sd
 
-    rig = None if options.rig is None else files.read_rig(options.rig)
+    rig = None if options.rig is None else files.read_rig(options.rig, options.sensor, options.sd)
     readings, used = read_file(path, file, options.units, rig, options.sensor)
     sd = unstated_sd(readings, sensor=options.sensor, sd=options.sd, rig=rig) or options.sd
     with misuse():
@@ -249,7 +249,7 @@ def _questioned(answer: posterior.Answer, given: Given, query: Query, *, placed:
     """Return the answer with a probable convention error (units, frames, directions) as last finding, and print it."""
     if given.doubted:
         return answer
-    frames = posterior.findings.about_frames(answer, given.scale, given.measured)
+    frames = posterior.findings.about_frames(answer, given.readings, given.scale, given.measured)
     found = posterior.convention_checks.about_conventions(answer, given.readings, given.parts, query, placed=placed)
     if found is None or (frames is not None and frames.kind == found.kind == "units"):
         found = frames  # this finding names the stated units and their column

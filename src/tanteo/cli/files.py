@@ -172,13 +172,17 @@ def _opened(paths: Sequence[str]) -> Sequence[Part]:
     return open_catalogue(paths[0])
 
 
-def read_rig(path: str) -> Rig:
-    """Read a rig, and print a warning if its lengths are probably in metres.
+def read_rig(path: str, sensor: str | None = None, sd: float | None = None) -> Rig:
+    """Read a rig, and print warnings on assumptions, and if its lengths are probably in metres.
 
     Args:
         path: file of the rig, or name of a shipped rig.
+        sensor: preset of sensors whose file states a pose only.
+        sd: standard deviation along the beam of sensors whose file states a pose only [m].
     """
-    rig = io.read_rig(path)
+    rig = io.read_rig(path, sensor=sensor, sd=sd)
+    for note in rig.notes:
+        complain("warning", note)
     if question := io.documents.suspect_metres(rig):
         complain("warning", question)
     return rig

@@ -169,7 +169,7 @@ def _estimator(parts: Sequence[Part], options: Options, topics: TopicOptions) ->
     from tanteo.posterior import prepare_all
     from tanteo.ros.estimators import JointEstimator, SessionEstimator
 
-    rig = None if options.rig is None else files.read_rig(options.rig)
+    rig = None if options.rig is None else files.read_rig(options.rig, options.sensor, options.sd)
     sensing = Sensing(
         sensor=options.sensor, sd=options.sd, robot=options.robot, tip_sd=options.tip_sd, bias_sd=options.bias_sd,
         rig=rig,

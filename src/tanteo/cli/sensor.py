@@ -98,14 +98,26 @@ def _preset(name: str) -> SensorPreset | RobotPreset:
 
 
 def show_rig(
-    file: Annotated[str, typer.Argument(metavar="RIG", help="Rig file (TOML), or a rig of `tanteo sensor list`.")],
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="RIG", help="Rig file (TOML), a rig of `tanteo sensor list`, robot.urdf#link, or a hand-eye result."
+        ),
+    ],
+    sensor: args.Sensor = None,
+    sd: args.Sd = None,
+    write: Annotated[str | None, args.option("--write", "FILE", "Write the rig (TOML).")] = None,
     json: args.Json = False,
 ) -> None:
     """Check a rig, and show the poses of its sensors.
 
     Shows positions, beam directions and their uncertainties.
     """
-    rig = files.read_rig(file)
+    files.check_target("--write", write)
+    rig = files.read_rig(file, sensor, sd)
+    if write is not None:
+        with files.writing("--write", write):
+            io.write_rig(rig, write)
     if json:
         put_json(io.documents.rig_document(rig))
     else:
@@ -151,7 +163,7 @@ def fit(
     with misuse():
         unlike = None if sensor is None else sensor_preset(sensor)
         errors = None if robot is None else robot_preset(robot)
-    nominal = None if rig is None else files.read_rig(rig)
+    nominal = None if rig is None else files.read_rig(rig, sensor)
     readings, _ = read_file(log, file, units, nominal, sensor)
     with misuse():
         found = calibrate(readings, rig=nominal, sensor=unlike, robot=errors)

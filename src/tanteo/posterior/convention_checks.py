@@ -20,12 +20,12 @@ from tanteo.parts.readers import mirror_part
 from tanteo.posterior.answers.priors import STATED
 from tanteo.posterior.answers.results import Answer
 from tanteo.posterior.candidates import Candidates, sizes_of
-from tanteo.posterior.conventions import HANDS, OTHERS, Mistake
+from tanteo.posterior.conventions import HANDS, OTHERS, Mistake, of_rig
 from tanteo.posterior.findings import fits_size, scale_of
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.settings import DEFAULTS, Settings
 from tanteo.posterior.trial_fit import TrialFit, trial_fit
-from tanteo.sensors import Column, Readings, thinned
+from tanteo.sensors import Column, Readings, Rig, thinned
 from tanteo.words import Finding
 from tanteo.words.findings import Convention, MirrorConvention, MirrorQuestion, OffsetQuestion, UnitsConvention
 
@@ -35,6 +35,10 @@ _OFFSET = 0.03
 
 class Query(Protocol):
     """Options of an inference, with which it is repeated for other readings."""
+
+    @property
+    def rig(self) -> Rig | None:
+        """Range sensors on the hand; None if there are none."""
 
     def problem(self, readings: Readings, parts: Sequence[Part]) -> tuple[Problem, Candidates]:
         """Return the measurements and priors of the inference for other readings, and its candidate parts."""
@@ -78,7 +82,7 @@ def about_conventions(
         others = [way for way in others if way.finding is not UnitsConvention]
     some = thinned(readings, settings.search.few_points)
     found = (
-        _about_ways(HANDS, some, parts, question, settings)
+        _about_ways((*HANDS, *of_rig(question.rig)), some, parts, question, settings)
         or _about_offset(some, parts, question, settings)
         or _about_ways(others, some, parts, question, settings)
     )

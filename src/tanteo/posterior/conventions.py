@@ -11,7 +11,7 @@ import numpy as np
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Rotations, Transforms
 from tanteo.parts.readers import METRES
-from tanteo.sensors import Column, Readings
+from tanteo.sensors import Column, Readings, Rig
 from tanteo.words.findings import (  # fmt: skip
     Convention,
     DirectionsConvention,
@@ -140,6 +140,55 @@ HANDS = (
     Mistake(HandConvention, "radians", _turned(lambda R: SO3.exp(np.degrees(SO3.log(R))))),
 )  # fmt: skip
 """Usual mistakes in poses of the hand. Most of them spread the readings wider than a part."""
+
+_FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Axes of an optical frame (z forward) in a frame of a body (x forward), as REP 103 defines them."""
+
+
+def of_rig(rig: Rig | None) -> tuple[Mistake, ...]:
+    """Return usual mistakes in the poses of the sensors on the hand; none without a rig.
+
+    The hand is moved so that each sensor is where it would be by the other convention: ``T_hand' = T_hand M T_s^-1``
+    with the other pose ``M`` of a sensor or multi-zone device whose pose in the rig is ``T_s``.
+
+    Args:
+        rig: sensors on the hand.
+    """
+    if rig is None:
+        return ()
+
+    def forward(T: Transforms) -> Transforms:
+        return T @ SE3.from_parts(_FORWARD, np.zeros(3))
+
+    def ordered(T: Transforms) -> Transforms:
+        return SE3.from_parts(_order(1)(T[:3, :3]), T[:3, 3])
+
+    others: dict[str, Callable[[Transforms], Transforms]] = {
+        "beam_along_x": forward,
+        "mount_inverted": SE3.inverse,
+        "mount_inverted_along_x": lambda T: forward(SE3.inverse(T)),
+        "mount_quaternion_xyzw": ordered,
+    }
+    devices = {sensor.name: sensor.T_hand_unit for sensor in rig.sensors}
+    return tuple(
+        Mistake(HandConvention, name, _remounted({k: other(T) @ SE3.inverse(T) for k, T in devices.items()}))
+        for name, other in others.items()
+    )
+
+
+def _remounted(motions: dict[str, Transforms]) -> Callable[[Readings], Readings | None]:
+    """Return a function that moves the hand of each reading by the motion of its sensor."""
+
+    def undo(readings: Readings) -> Readings | None:
+        hands = readings.Ts_world_hand
+        names = [name for name, given in zip(readings.sensors, hands.given.tolist(), strict=True) if given]
+        if not any(name in motions for name in names):
+            return None
+        steps = np.stack([motions.get(name, np.eye(4)) for name in names])
+        return replace(readings, Ts_world_hand=hands.map(lambda Ts: Ts @ steps))
+
+    return undo
+
 
 OTHERS = (
     Mistake(DirectionsConvention, "directions_reversed", _reversed("directions")),

@@ -99,22 +99,31 @@ def about_readings(
 
 
 def about_frames(
-    answer: Answer, scale: Scale, measured: PointMeasurements, checks: CheckSettings = DEFAULTS.checks
+    answer: Answer,
+    readings: Readings,
+    scale: Scale,
+    measured: PointMeasurements,
+    checks: CheckSettings = DEFAULTS.checks,
 ) -> Finding | None:
     """Return the finding about a probably wrong unit or direction; None if a part explains the readings.
 
+    Only directions that the readings state are examined: that of a beam follows from the rig.
+
     Args:
         answer: answer from these readings.
+        readings: readings as the devices reported them.
         scale: sizes of readings and parts.
         measured: measurements made from the readings.
         checks: limits of the checks.
     """
     if answer.status != "unknown":
         return None
+    stated = readings.directions.given[measured.rows, None]
+    directions = np.where(stated, measured.directions, np.nan)
     return (
         about_units(scale, checks)
-        or about_directions(measured.points, measured.directions, checks)
-        or about_normals(measured.normals, measured.directions, checks)
+        or about_directions(measured.points, directions, checks)
+        or about_normals(measured.normals, directions, checks)
     )
 
 

@@ -118,10 +118,12 @@ class Rig(Value):
     Attributes:
         sensors: sensors with unique names.
         source: origin of the rig (a file name), for messages.
+        notes: sentences about assumptions of the file's reader.
     """
 
     sensors: tuple[RigSensor, ...]
     source: str = "rig"
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         names = [s.name for s in self.sensors]

@@ -19,6 +19,7 @@ from tanteo.errors import CovarianceError, InputError, UnitError
 from tanteo.geometry import SE3, SO3, check_covariance
 from tanteo.geometry.typing import Covariances, FloatArray, Rotations, Transforms
 from tanteo.io.documents.document import load_toml, made
+from tanteo.io.documents.mount_files import is_mount, read_mount
 from tanteo.io.documents.schema import (
     Covariance,
     Direction,
@@ -313,11 +314,16 @@ class RigTable(Table, frozen=True, kw_only=True, eq=False):
     ]
 
 
-def read_rig(path: str | Path) -> Rig:
-    """Read a rig file with one table ``[sensors.NAME]`` for each sensor.
+def read_rig(path: str | Path, *, sensor: str | None = None, sd: float | None = None) -> Rig:
+    """Read a rig: a file with a table ``[sensors.NAME]`` for each sensor, or poses from files of ROS and calibrations.
+
+    URDF, xacro, hand-eye results, static transforms and camera chains of Kalibr are named as ``robot.urdf#link``, with
+    the sensor's name as ``tof=robot.urdf#tof_link``, several with commas (:mod:`tanteo.io.documents.mount_files`).
 
     Args:
         path: file, or name of a rig shipped with tanteo (:func:`shipped_rigs`).
+        sensor: preset of sensors whose file states a pose only.
+        sd: standard deviation along the beam of sensors whose file states a pose only [m].
 
     Raises:
         InputError: the file cannot be read, is not TOML, or has an invalid key or value; the message names file,
@@ -330,12 +336,44 @@ def read_rig(path: str | Path) -> Rig:
         ['laser']
     """
     shipped = shipped_rigs().get(str(path))
+    if shipped is None and all(is_mount(part) for part in str(path).split(",")):
+        return _mounted(str(path), sensor, sd)
     path = Path(path)
     kinds = f"rig file or one of {', '.join(shipped_rigs())}"
     document = load_toml(path, kinds, RigTable, None if path.exists() else shipped)
     found = [sensor for name, table in document.sensors.items() for sensor in table.sensors(name)]
     rig = Rig(tuple(found), str(path))
     check_duplicates(rig, str(path))
+    return rig
+
+
+def _mounted(text: str, preset: str | None, sd: float | None) -> Rig:
+    """Return the rig of poses in files of ROS and calibrations, with the stated figures of the sensors."""
+    found: list[RigSensor] = []
+    notes = []
+    for part in text.split(","):
+        name, equals, file = part.strip().partition("=")
+        mount = read_mount(file if equals else name)
+        T = mount.T_hand_sensor
+        place = np.array2string(1e3 * T[:3, 3], separator=", ", precision=6, suppress_small=True)
+        beam = np.array2string(T[:3, 2], separator=", ", precision=6, suppress_small=True)
+        if preset is None and sd is None:
+            raise InputError(
+                f"{part}: expected --sensor or --sd for a sensor whose file states its pose only, got neither. The "
+                f"{mount.words} places '{mount.name}' on '{mount.hand}' at position_mm = {place}, direction = {beam}. "
+                "State one, or copy these lines to a rig (TOML)."
+            )
+        figures: dict[str, Any] = {"preset": preset} if preset is not None else {"beam_half_angle": 0.0}
+        figures |= {} if sd is None else {"sd": sd}
+        if preset is not None and (grid := re.search(r"(\d+)x(\d+)$", preset)):
+            rows, columns = int(grid[1]), int(grid[2])
+            zone = 2 * sensor_preset(preset).beam_half_angle
+            figures |= {"zones": [rows, columns], "field": np.array([rows * zone, columns * zone])}
+        table = SensorTable(at=Place(part), position=T[:3, 3], quaternion_wxyz=SO3.as_quaternion(T[:3, :3]), **figures)
+        found += table.sensors(name if equals else mount.name)
+        notes.append(mount.note)
+    rig = Rig(tuple(found), text, tuple(notes))
+    check_duplicates(rig, text)
     return rig
 
 

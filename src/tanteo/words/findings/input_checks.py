@@ -176,10 +176,10 @@ class Convention(Finding):
 
 @dataclass(frozen=True, slots=True)
 class HandConvention(Convention):
-    """The poses of the hand fit by another convention."""
+    """The poses of the hand, or of the sensors on it, fit by another convention."""
 
     kind: ClassVar[str] = "hand"
-    subject: ClassVar[str] = "the columns of the hand's pose"
+    subject: ClassVar[str] = "the poses of the hand and of the sensors on it"
 
 
 @dataclass(frozen=True, slots=True)

@@ -111,6 +111,7 @@ def _tried(one: f.Convention | f.OffsetQuestion) -> str:
     return f" ({one.count} of the {readings(one.given)} were tried.)" if one.given else ""
 
 
+_RIG = "Check the sensor's pose in the rig."
 _POSES = "Check the columns of the hand's pose."
 
 _CONVENTIONS = {
@@ -121,6 +122,16 @@ _CONVENTIONS = {
     "rotation_vector": ("the hand's angles are a rotation vector, not roll, pitch and yaw", _POSES),
     "roll_pitch_yaw": ("the hand's angles are roll, pitch and yaw, not a rotation vector", _POSES),
     "radians": ("the hand's angles are in radians, not degrees", _POSES),
+    "beam_along_x": (
+        "the beam is along x of the sensor's frame, as in ROS; in a rig it is along z",
+        "Correct the quaternion in the rig, or give the file of ROS itself, as --rig robot.urdf#link.",
+    ),
+    "mount_inverted": ("the sensor's pose in the rig is inverted (it has to take sensor to hand)", _RIG),
+    "mount_inverted_along_x": (
+        "the sensor's pose in the rig is inverted and its beam along x, as in ROS (it has to take sensor to hand)",
+        _RIG,
+    ),
+    "mount_quaternion_xyzw": ("the sensor's quaternion in the rig is in the order x y z w", _RIG),
     "directions_reversed": (
         "the directions (dx, dy, dz) are reversed",
         "They have to point into the material, along the beam or the motion of the tip.",
