@@ -170,7 +170,7 @@ QUAT = "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm,hand_qw,hand_qx,hand_qy,han
         ("x_mm,y_mm,z_mm,kind\n1,2,3,plane\n", ReadingsError, "expected a label for kind 'plane'"),
         ("x_mm,y_mm,z_mm,kind,feature\n1,2,3,plane,A\n2,3,4,edge,A\n", ReadingsError, "expected 'plane' as for"),
         ("x_mm,y_mm,z_mm,kind,feature\n1,2,3,edge,A\n", ReadingsError, "at least 2 readings"),
-        ("x_mm,y_mm,z_mm,status\n1,2,3,off\n", ReadingsError, "column 'status': expected one of ok, none, invalid, got 'off'"),
+        ("x_mm,y_mm,z_mm,status\n1,2,3,off\n", ReadingsError, "expected one of ok, none, invalid, got 'off'"),
         ("x_mm,y_mm,z_mm,status\n1,2,3,none\n", ReadingsError, "free reading '1': expected where the beam was"),
         ("range_mm,sensor\n100,eye\n", ReadingsError, "Add where the points are"),
     ],
