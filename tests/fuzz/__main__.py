@@ -21,7 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from fuzz.mutate import mutated
+from fuzz.mutate import mutated, shortened
 from fuzz.targets import READERS, SHARES, seeds
 from fuzz.worker import serve
 
@@ -39,7 +39,8 @@ def spoiled(k, seed, kind, files):
     """Name and content of input ``k``."""
     rng = np.random.default_rng((seed, k))
     path = files[kind][int(rng.integers(len(files[kind])))]
-    return path.name, mutated(path.read_bytes(), rng)
+    content = path.read_bytes()
+    return path.name, shortened(content, rng) if kind == "cut" else mutated(content, rng)
 
 
 @dataclass

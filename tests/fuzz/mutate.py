@@ -28,6 +28,11 @@ def mutated(content: bytes, rng) -> bytes:
     return bytes(data)
 
 
+def shortened(content: bytes, rng) -> bytes:
+    """Return the content cut at a random byte, as by a copy that was interrupted."""
+    return content[: int(rng.integers(len(content)))]
+
+
 def _in_archive(content, rng):
     out = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as new:
