@@ -43,6 +43,11 @@ def spoiled(k, seed, kind, files):
     return path.name, shortened(content, rng) if kind == "cut" else mutated(content, rng)
 
 
+def busy():
+    """Return how many times longer a process takes because others wait for the same processors, at least 1."""
+    return max(os.getloadavg()[0] / (os.cpu_count() or 1), 1.0)
+
+
 @dataclass
 class Worker:
     """A process and what it is at."""
@@ -80,7 +85,7 @@ class Worker:
                 return ("memory" if memory > self.base + MEMORY else word), trace, seconds
         except (EOFError, ConnectionError):
             return "process ended", f"exit code {self.process.exitcode}", 0.0
-        if time.monotonic() - self.since > HANG:
+        if time.monotonic() - self.since > HANG * busy():
             return "hang", "", HANG
         return None
 

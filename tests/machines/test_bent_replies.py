@@ -14,7 +14,7 @@ from machines.bent_replies import ENDS, KINDS, NEAR, NUMBERS, TRUE, connected, r
 from machines.cells import DOWN, START, at, world
 from tanteo.machines import GrblFake, GrblMachine, LinuxCncFake, MachineLimits, SafeMachine, UrFake
 from tanteo.machines.link import TcpLink
-from tanteo.machines.protocol import LinkLostError, MachineError, StoppedError
+from tanteo.machines.protocol import LateError, LinkLostError, MachineError, StoppedError
 
 LIMITS = MachineLimits(travel=0.2, stale=0.4, grace=0.6)
 
@@ -164,6 +164,30 @@ def test_rows_without_an_end_and_floods_are_refused_in_time():
             else:
                 safe.move(at(30, 20, 50))  # messages between two lines are no answers
             assert time.monotonic() - begun < 2.0
+
+
+@pytest.mark.parametrize("lost", ["the line", "its ok"])
+def test_a_lost_acknowledgement_ends_a_slow_touch_early(lost):
+    """The deadline of the touch is 33 s away; the statuses show that the controller rests."""
+    armed = []
+    fake = GrblFake(world(), START)
+    run = fake._run
+    fake._run = lambda line: None if armed and lost == "the line" and "G38.3" in line else run(line)
+    try:
+        change = replaced(b"ok", lambda row: b"" if armed and lost == "its ok" else row)
+        with bent(fake.ports[0], of_rows(lambda row: b"" if armed and b"PRB" in row else change(row))) as proxy:
+            machine = connected("grbl", [proxy.port])
+            try:
+                machine.move(at(30, 20, 60), 0.2, 5.0)
+                armed.append(True)
+                begun = time.monotonic()
+                with pytest.raises(LateError, match="it has rested for 2 s"):
+                    machine.sense(DOWN, 0.04, 0.002, 33.0)
+                assert time.monotonic() - begun < 12.0
+            finally:
+                machine.close()
+    finally:
+        fake.close()
 
 
 def test_a_device_that_never_acknowledges_ends_in_time():

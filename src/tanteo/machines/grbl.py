@@ -43,6 +43,12 @@ _T = TypeVar("_T")
 _HOLD, _RESET, _QUERY = b"!", b"\x18", b"?"
 _PERIOD = 0.2
 """Time between two status requests [s]: GRBL recommends at most 5 Hz."""
+_UNANSWERED = 2.0
+"""Time for which a controller rests without an 'ok' before the line or its 'ok' counts as lost [s].
+
+A controller acknowledges a motion when it is queued, and a probe when it ends, both within one status period of rest;
+this is ten of them (``_PERIOD``).
+"""
 _HOLDS = 0.5
 """Time from a feed hold to the reset if the controller does not report the hold [s]."""
 _WITH_OFFSET = 12
@@ -69,6 +75,7 @@ class GrblMachine(GcodeMachine):
         self._answers, self._busy, self._ready = queue.SimpleQueue[str](), threading.Lock(), False
         self._pending = False
         self._report: Report | None = None
+        self._rests_since = np.inf  # time of the first of the statuses that report rest
         self._polled_at, self._hold_sent_at, self._reset_sent = 0.0, 0.0, False
         self._reader = RowReader(link, self._latch, self._hear, self._turn)
         self._open(time.monotonic() + seconds)
@@ -207,12 +214,16 @@ class GrblMachine(GcodeMachine):
                     raise self._latch.bent(row, f"'ok' for '{line}' within {_MOST_ROWS} rows")
 
     def _next(self, deadline: float, line: str) -> str:
-        """Return the next row of an answer."""
+        """Return the next row of an answer; stop early if the controller rests and does not acknowledge the line."""
+        sent = time.monotonic()
         while True:
             self._latch.check()
             self._latch.late(deadline, f"'ok' for '{line}'")
             with suppress(queue.Empty):
                 return self._answers.get(timeout=0.02)
+            report = self._report
+            if report is not None and report.at - max(sent, self._rests_since) > _UNANSWERED:
+                self._latch.late(0.0, f"'ok' for '{line}' (it has rested for {_UNANSWERED:g} s)")
 
     def _fresh(self, deadline: float) -> Report:
         """Request a status, and return the first one that arrives from now on."""
@@ -251,7 +262,12 @@ class GrblMachine(GcodeMachine):
         """Take one row; raise ValueError with the expected reply and the row if it has another form."""
         if row.startswith("<"):
             with suppress(*self._bent_at_first):
-                self._report = report_of(row, self._frame.offset / self._unit)
+                report = report_of(row, self._frame.offset / self._unit)
+                if not report.state.startswith("Idle"):
+                    self._rests_since = np.inf
+                elif self._rests_since == np.inf:
+                    self._rests_since = report.at
+                self._report = report
         elif not self._ready:
             self._answers.put(row)
         elif row.startswith("ALARM"):

@@ -158,6 +158,15 @@ def test_millimetres_that_were_called_metres_are_refused(tmp_path):
         read_readings(save(tmp_path, rows(10 * P)), units="m")
 
 
+def test_poses_of_urscript_in_millimetres_have_a_way_out(tmp_path):
+    text = "p[570.0, -120.0, 300.0, 0.0, 3.1, 0.0]\np[0.5, 20.0, 300.0, 0.0, 3.1, 0.0]\n"
+    path = save(tmp_path, text)
+    with pytest.raises(UnitError, match=r"are these millimetres\? Say --units mm"):
+        read_readings(path, radius=0.0)
+    readings = read_readings(path, radius=0.0, units="mm")
+    np.testing.assert_allclose(readings.points, [[0.57, -0.12, 0.3], [0.0005, 0.02, 0.3]])
+
+
 def test_inches_of_the_console(tmp_path):
     path = save(tmp_path, "$13=1\n[PRB:1.000,2.000,3.000:1]\n")
     np.testing.assert_allclose(read_readings(path, radius=0.001).points, [[0.0254, 0.0508, 0.0762]])

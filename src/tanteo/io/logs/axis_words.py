@@ -15,7 +15,7 @@ import numpy as np
 from tanteo.io.logs.contents import Contents
 from tanteo.io.logs.log import Log, counted, unique
 
-_VALUE = r"([-+]?) *(\d+(?:\.\d*)?|\.\d+)(?![\d.]|[eE][-+]?\d)"
+_VALUE = r"([-+]?) *(\d+(?:\.\d*|,\d+)?|\.\d+)(?![\d.]|[eE][-+]?\d)"
 _AXIS = r"(?:[ _-]?(?:axis|achse|act(?:ual)?|ist|meas(?:ured)?|pos(?:ition)?))?"
 _WORD = re.compile(rf"(?<![A-Za-z_])([XYZIJK]){_AXIS}[ \t]*[:=]?[ \t]*{_VALUE}", re.IGNORECASE)
 _CODE = re.compile(r"(?<![A-Za-z])[GM]\d", re.IGNORECASE)
@@ -75,7 +75,7 @@ def _positions(lines: list[str]) -> tuple[list[tuple[int, str, dict[str, str]]],
     for k, line in enumerate(lines, start=1):
         if _POSITION_REPORT.search(line):
             continue
-        here = [(axis.upper(), sign + number) for axis, sign, number in _WORD.findall(line)]
+        here = [(axis.upper(), sign + number.replace(",", ".")) for axis, sign, number in _WORD.findall(line)]
         for axis, value in here:
             if axis in words:
                 lost += not set("XYZ") <= words.keys()

@@ -38,7 +38,7 @@ class Report:
 
 
 REPORTS = {
-    "tinyg": Report('"prb"', re.compile(r"\"?prb\"?\s*:\s*\{([^{}]{0,400})\}"), True),
+    "tinyg": Report("prb", re.compile(r"\"?prb\"?\s*:\s*\{([^{}]{0,400})\}"), True),
     "klipper": Report(
         "z=", re.compile(rf"\bprobe:? at {_NUMBER},{_NUMBER} (?:is|bed will contact at) z={_NUMBER}"), False,
         "In 'probe at X,Y is z=Z', X and Y are the toolhead's: add the probe's x_offset and y_offset.",
@@ -81,7 +81,12 @@ def read(name: str, contents: Contents) -> Log:
                 missed += fields.get("e", "1") in ("0", "false")
                 if fields.get("e", "1") in ("0", "false"):
                     continue
-                row = [fields.get(axis, "") for axis in "xyz"]
+                if lacking := [axis for axis in "xyz" if axis not in fields]:
+                    contents.fail(
+                        "x, y and z of a probe report", f"none of {', '.join(lacking)}",
+                        'Request all axes with {"prb":n} after each probe.', k,
+                    )  # fmt: skip
+                row = [fields[axis] for axis in "xyz"]
             if rows[-1:] == [row] and one.centres:
                 repeated += 1
                 continue

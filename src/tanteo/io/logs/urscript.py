@@ -1,4 +1,7 @@
-"""Read poses of URScript, ``p[x, y, z, rx, ry, rz]`` in metres with a rotation vector in radians, optionally named."""
+"""Read poses of URScript, ``p[x, y, z, rx, ry, rz]`` with a rotation vector in radians, optionally named.
+
+Positions are in metres; other programs that write ``p[...]`` in millimetres need ``--units mm``.
+"""
 
 from __future__ import annotations
 
@@ -43,4 +46,4 @@ def read(contents: Contents) -> Log:
     poses = contents.numbers(rows, lines, "a pose p[x, y, z, rx, ry, rz]")
     if poses.shape[1] != 6:
         contents.fail("six numbers of a pose p[...]", str(poses.shape[1]), "Correct it.", lines[0])
-    return Log(brand="ur", poses=poses, unit="m", centres=True, ids=unique(names))
+    return Log(brand="ur", poses=poses, unit="m", assumed=True, centres=True, ids=unique(names))

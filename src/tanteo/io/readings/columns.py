@@ -121,8 +121,9 @@ def read_header(
         raise ReadingsError(
             f"{place}: expected a header that names the columns, got '{show(','.join(written))}'. Add one."
         )
-    if len(written) == 1 and "|" in written[0]:
-        raise ReadingsError(f"{place}: expected commas between columns, got '{written[0]}'. Write it comma-separated.")
+    if any("|" in name for name in written):
+        shown = show(" ".join(written))
+        raise ReadingsError(f"{place}: expected commas between columns, got '{shown}'. Write it comma-separated.")
     names = as_hand(with_id([canonical(name) for name in written]))
     names = [with_unit(name, unit) for name, unit in zip(names, below, strict=True)] if below else names
     notation = notation_of(names)
@@ -201,8 +202,10 @@ def _read_name(name: str, written: str, place: str, unit: str | None, *, clear: 
     if words := advice(written):
         raise ReadingsError(f"{place}: expected a known column, got '{show(written)}'.{words}")
     suggestion = did_you_mean(name, known_columns().split(", ")) if len(name) > 2 else ""
-    suggestion = suggestion or " Rename the column or remove it."
-    raise ReadingsError(f"{place}: expected one of {known_columns()}, got '{show(written)}'.{suggestion}")
+    suggestion = suggestion or " Name the columns of the points so, or use a format of docs/formats.md."
+    raise ReadingsError(
+        f"{place}: expected columns x_mm, y_mm, z_mm or others of docs/formats.md, got '{show(written)}'.{suggestion}"
+    )
 
 
 def _check_groups(columns: dict[str, Column], place: str, *, placed: bool) -> None:

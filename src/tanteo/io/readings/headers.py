@@ -19,6 +19,9 @@ _BESIDE = re.compile(
     r"|serial|batch|tol|tolerance|upper_tol|lower_tol|dev|deviation|result|out_of_tol|(?:nominal|nom|soll|dev|deviation)_\w+"
     r"|\w+_(?:nominal|nom|soll|dev|deviation|tol))(?:_(?:mm|in|um|m|deg|rad|s|ms|c))?"
 )
+_COORDINATE = re.compile(
+    r"(?:coord(?:inate)?s?_)?([xyz])(?:_(?:coord(?:inate)?|koord(?:inate)?|wert|value|val|axis|achse|pos))?(_(?:mm|m|um|in))?"
+)
 _NAMES = (
     "no",
     "nr",
@@ -83,6 +86,8 @@ def canonical(cell: str) -> str:
         text = f"{head}_{_UNIT_WORDS[last]}"
     text = with_unit(text, unit)
     text = _ACTUAL.sub("", text)
+    if place := _COORDINATE.fullmatch(text):
+        return f"{place[1]}{place[2] or ''}"
     if of_hole := _OF_HOLES.fullmatch(text):
         return f"hole_{'radius' if of_hole[1] == 'radius' else 'diameter'}{of_hole[2] or ''}"
     whole = _WHOLE.fullmatch(text)

@@ -11,6 +11,7 @@ from tanteo.errors import ReadingsError, UnitError
 from tanteo.io.logs.log import Log, LogFormat
 from tanteo.io.poses.poses import pose_from_brand
 from tanteo.io.readings.assembling import assemble, rows_of
+from tanteo.io.readings.brands import BRANDS
 from tanteo.io.readings.frames import zones_of
 from tanteo.io.readings.range_codes import decode, note_on_codes, refuse_strange
 from tanteo.io.readings.stated import Stated
@@ -93,8 +94,10 @@ def _columns(log: Log, stated: Stated, metre: float, source: str) -> dict[str, A
     if log.sds is not None:
         columns["sds"] = log.sds * metre
     if log.poses is not None:
+        poses = np.array(log.poses)
+        poses[:, :3] *= metre / BRANDS[log.brand].metre
         try:
-            columns["Ts_world_hand"] = pose_from_brand(log.brand, log.poses)
+            columns["Ts_world_hand"] = pose_from_brand(log.brand, poses)
         except ValueError as error:
             raise ReadingsError(f"{source}: {error}") from None
     if log.ranges is not None:

@@ -30,6 +30,10 @@ _MEANT = {
 """Advice for words that are written in place of a reading kind."""
 _UNIT_SLACK = 0.02
 """Largest relative difference between lengths of directions that rounding explains."""
+_SHORT = 0.5
+"""Length below which equal vectors are no directions, which programs write with length one."""
+_FEW = 3
+"""Smallest number of vectors whose lengths are judged."""
 _SHOWN = 20
 """Largest number of excluded columns that a note lists."""
 INVALID = "invalid"
@@ -38,12 +42,15 @@ _STATUSES, _SIDES = ("ok", "none", INVALID), ("hole", "boss")
 
 
 def _are_deviations(vectors: FloatArray | None) -> bool:
-    """Return whether vectors are short and of many lengths, as deviations ``dX dY dZ`` from the nominal points are."""
+    """Return whether vectors are short, as deviations ``dX dY dZ`` from the nominal points are, and no directions."""
     if vectors is None:
         return False
     lengths = np.linalg.norm(vectors, axis=1)
     lengths = lengths[np.isfinite(lengths)]
-    return len(lengths) > 2 and bool(lengths.max() < 1 - _UNIT_SLACK and np.ptp(lengths) > _UNIT_SLACK * lengths.max())
+    if len(lengths) < _FEW:
+        return False
+    varied = bool(np.ptp(lengths) > _UNIT_SLACK * lengths.max())
+    return bool(lengths.max() < (1 - _UNIT_SLACK if varied else _SHORT))
 
 
 class Table:

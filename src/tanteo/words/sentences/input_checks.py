@@ -41,13 +41,17 @@ def _(one: f.TooFarApart) -> Words:
     ), "Check the units: lengths are in metres."
 
 
+_SPOKEN = {"in": "inches"}
+"""Words for units that are also other words."""
+
+
 def _length(metres: float) -> str:
     return f"{metres:.3g} m" if metres >= 0.1 else f"{1e3 * metres:.3g} mm"
 
 
 @words_of.register
 def _(one: f.UnitsQuestion) -> Words:
-    guesses = [f"--units {u}" for u in one.files] + [f"columns in {u} (x_{u})" for u in one.columns]
+    guesses = [f"--units {u}" for u in one.files] + [f"columns in {_SPOKEN.get(u, u)} (x_{u})" for u in one.columns]
     return (
         f"The {'largest ' if one.parts > 1 else ''}part is {_length(one.widest)} wide and the readings span about "
         f"{_length(one.span)}."
