@@ -403,7 +403,7 @@ def test_a_format_is_registered_in_one_process(added, tmp_path, monkeypatch):
 
 def test_a_plan_is_written_in_a_language_of_ones_own(here, touched):
     folder, _ = touched
-    words = ["plan", "--part", folder / "wedge.tri", "--tolerance", "0.5mm", "--sd", "0.05mm", "--tip-radius", "1mm"]
+    words = ["plan", "--part", folder / "wedge.tri", "--goal", "0.5mm", "--sd", "0.05mm", "--tip-radius", "1mm"]
     words += ["--pose-prior", "0,0,0mm 0,0,0deg +- 1mm 1deg"]
     found = here(*words, "--program", "pendant")
     assert found.returncode == 0, found.stderr
@@ -419,7 +419,7 @@ def test_a_plan_is_written_in_a_language_of_ones_own(here, touched):
 
 def test_a_machine_of_ones_own_places_a_part(here, touched, tmp_path):
     folder, _ = touched
-    words = ["probe", "--machine", "fake:millbox", "--part", folder / "wedge.tri", "--tolerance", "0.3mm"]
+    words = ["probe", "--machine", "fake:millbox", "--part", folder / "wedge.tri", "--goal", "0.3mm"]
     found = here(*words, "--record", tmp_path / "run.json", "--json")
     assert found.returncode == 0, found.stderr
     document = json.loads(found.stdout)

@@ -6,7 +6,7 @@ A bracket must be located so that none of its corners is more than 0.2 mm off. A
 where to touch the part, how often, and which accuracy to expect.
 
 Run it from the repository: ``python docs/notebooks/03_plan_touches_for_a_tolerance.py``. On the command line the same
-is ``tanteo plan --part FILE --tolerance 0.2mm --sd 0.05mm``. ``--report plan.html`` writes a page with a 3-D drawing.
+is ``tanteo plan --part FILE --goal 0.2mm --sd 0.05mm``. ``--report plan.html`` writes a page with a 3-D drawing.
 """
 
 from dataclasses import replace

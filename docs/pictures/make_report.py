@@ -29,13 +29,13 @@ PICTURES = {
     "report.png": (("identify", READINGS / "bracket_left.csv", "--parts", PARTS), 1280, 830, "light"),
     "report_phone.png": (("identify", READINGS / "step_not_felt.csv", "--parts", PARTS), 390, 844, "dark"),
     "report_session.png": (
-        ("sense", "part", "--scene", SCENE, "--parts", PARTS, "--tolerance", "2mm"),
+        ("sense", "part", "--scene", SCENE, "--parts", PARTS, "--goal", "2mm"),
         1280,
         800,
         "light",
         "How it went",
     ),
-    "report_plan.png": (("plan", "--part", BRACKET, "--tolerance", "0.2mm", "--sd", "0.05mm"), 1280, 800, "light"),
+    "report_plan.png": (("plan", "--part", BRACKET, "--goal", "0.2mm", "--sd", "0.05mm"), 1280, 800, "light"),
 }
 
 

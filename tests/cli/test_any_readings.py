@@ -48,7 +48,7 @@ QUICK = (1, 3, 5, 9, 11, 14, 24, 36)
 def test_an_answer_or_a_message(run, tmp_path, parts, seed):
     rng = np.random.default_rng(seed)
     (tmp_path / "r.csv").write_text(table(rng))
-    options = [word for word in ("--robot xarm", "--tolerance 0.1mm", "--as-published") if rng.random() < 0.2]
+    options = [word for word in ("--robot xarm", "--form-sd 0.1mm", "--as-published") if rng.random() < 0.2]
     args = ["--sd", str(rng.choice(["1um", "0.1mm", "5mm"])), *" ".join(options).split()]
     result = run("identify", tmp_path / "r.csv", "--parts", parts, "--units", "mm", "--json", *args)
     assert result.code in (0, 1, 3)

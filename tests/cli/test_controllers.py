@@ -101,7 +101,7 @@ def test_misuse(words, message, run):
     assert message in got.err
 
 
-PLAN = ("plan", "--part", BRACKET, "--tolerance", "0.3mm", "--sd", "0.02mm", "--tip-radius", "1.5mm")
+PLAN = ("plan", "--part", BRACKET, "--goal", "0.3mm", "--sd", "0.02mm", "--tip-radius", "1.5mm")
 PRIOR = "420,-130,35mm 0,0,33deg +- 1mm 0.5deg"
 
 
@@ -208,7 +208,7 @@ def test_programs_are_in_the_document(name, run):
                 "0.1mm",
                 "--retract-height",
                 "20mm",
-                "--tolerance",
+                "--goal",
                 "3mm",
             ),
             "--retract-height: expected 122.0 mm or more",
@@ -217,7 +217,7 @@ def test_programs_are_in_the_document(name, run):
     ],
 )
 def test_misuse_of_programs(words, message, run):
-    got = run("plan", "--part", BRACKET, "--tolerance", "0.3mm", *words)
+    got = run("plan", "--part", BRACKET, "--goal", "0.3mm", *words)
     assert (got.code, got.out) == (2, "")
     assert message in got.err
 

@@ -17,9 +17,7 @@ BRACKET = str(PARTS / "bracket_left.step")
 def test_a_plan_as_text_csv_and_json(run, tmp_path):
     out = tmp_path / "plan.csv"
     report = tmp_path / "plan.html"
-    got = run(
-        "plan", "--part", BRACKET, "--tolerance", "0.5mm", "--sd", "0.1mm", "--csv", str(out), "--report", str(report)
-    )
+    got = run("plan", "--part", BRACKET, "--goal", "0.5mm", "--sd", "0.1mm", "--csv", str(out), "--report", str(report))
     assert got.code == 0
     assert f"report written: {report}" in got.out
     assert "readings place bracket_left." in report.read_text(encoding="utf-8")
@@ -27,7 +25,7 @@ def test_a_plan_as_text_csv_and_json(run, tmp_path):
     rows = list(csv.DictReader(line for line in out.read_text().splitlines() if not line.startswith("#")))
     assert len(rows) >= 6
     assert float(rows[-1]["within_tolerance"]) >= 0.95
-    document = json.loads(run("plan", "--part", BRACKET, "--tolerance", "0.5mm", "--sd", "0.1mm", "--json").out)
+    document = json.loads(run("plan", "--part", BRACKET, "--goal", "0.5mm", "--sd", "0.1mm", "--json").out)
     assert document["schema"] == "tanteo.plan/1"
     assert len(document["readings"]) == len(rows)
     assert document["readings"][0]["origin_m"][0] == pytest.approx(float(rows[0]["start_x_mm"]) / 1e3, abs=1e-7)
@@ -46,7 +44,7 @@ def test_a_plan_as_text_csv_and_json(run, tmp_path):
 
 def test_a_rough_prior_pose_can_be_stated(run):
     got = run(
-        "plan", "--part", BRACKET, "--tolerance", "2mm", "--sensor", "touch_probe_hobby", "--pose-prior",
+        "plan", "--part", BRACKET, "--goal", "2mm", "--sensor", "touch_probe_hobby", "--pose-prior",
         "400,200,0mm 0,0,90deg +- 5mm 3deg", "--approach", "0,0,-1,75deg", "--standoff", "30mm", "--json",
     )  # fmt: skip
     document = json.loads(got.out)
@@ -56,7 +54,7 @@ def test_a_rough_prior_pose_can_be_stated(run):
 
 
 def test_a_tolerance_out_of_reach_exits_with_3(run):
-    got = run("plan", "--part", BRACKET, "--tolerance", "0.01mm", "--sd", "1mm", "--max-measurements", "4")
+    got = run("plan", "--part", BRACKET, "--goal", "0.01mm", "--sd", "1mm", "--max-measurements", "4")
     assert got.code == 3
     assert "4 readings do not place" in got.out
 
@@ -65,7 +63,7 @@ def test_a_tolerance_out_of_reach_exits_with_3(run):
 def test_a_start_too_close_to_a_prior_pose_gives_no_plan(run):
     got = run(
         "plan", "--part", str(PARTS / "step_12mm.step"), "--sensor", "ball_tip_on_cobot", "--standoff", "8mm",
-        "--clearance", "4mm", "--pose-prior", "0,0,0mm 0,0,0deg +- 5mm 3deg", "--tolerance", "0.7mm",
+        "--clearance", "4mm", "--pose-prior", "0,0,0mm 0,0,0deg +- 5mm 3deg", "--goal", "0.7mm",
         "--max-measurements", "5",
     )  # fmt: skip
     assert got.code == 3
@@ -74,7 +72,7 @@ def test_a_start_too_close_to_a_prior_pose_gives_no_plan(run):
 
 @pytest.mark.slow
 def test_a_smaller_clearance_is_proposed_with_its_value(run):
-    got = run("plan", "--part", BRACKET, "--sensor", "inductive_analog_m18", "--tolerance", "1mm")
+    got = run("plan", "--part", BRACKET, "--sensor", "inductive_analog_m18", "--goal", "1mm")
     assert got.code == 3
     assert "--clearance 3.2mm" in " ".join(got.out.split())  # with which it works: tests/planning/test_plans.py
 
@@ -94,7 +92,7 @@ def test_two_parts_are_distinguished(run, tmp_path):
 
 def test_two_outputs_are_two_files(run, tmp_path):
     same = str(tmp_path / "plan.html")
-    words = ("plan", "--part", BRACKET, "--tolerance", "1mm", "--sd", "0.1mm")
+    words = ("plan", "--part", BRACKET, "--goal", "1mm", "--sd", "0.1mm")
     got = run(*words, "--csv", same, "--report", same)
     assert got.code == 2
     assert "--report: expected another file than that of --csv" in got.err
@@ -104,18 +102,18 @@ def test_two_outputs_are_two_files(run, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--tolerance", "1mm", "--sd", "1mm"), "--part FILE, or --discriminate"),
-        (("--part", BRACKET, "--sd", "1mm"), "--tolerance"),
-        (("--part", BRACKET, "--tolerance", "1mm"), "--sensor, --sd"),
-        (("--part", BRACKET, "--tolerance", "-1mm", "--sd", "1mm"), "--tolerance"),
-        (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--confidence", "1"), "--confidence"),
-        (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--approach", "0,0,-1"), "--approach"),
-        (("--part", BRACKET, "--tolerance", "1mm", "--sd", "0mm"), "--sd"),
-        (("--part", BRACKET, "--tolerance", "1mm", "--sensor", "nothing"), "sensor"),
+        (("--goal", "1mm", "--sd", "1mm"), "--part FILE, or --discriminate"),
+        (("--part", BRACKET, "--sd", "1mm"), "--goal"),
+        (("--part", BRACKET, "--goal", "1mm"), "--sensor, --sd"),
+        (("--part", BRACKET, "--goal", "-1mm", "--sd", "1mm"), "--goal"),
+        (("--part", BRACKET, "--goal", "1mm", "--sd", "1mm", "--confidence", "1"), "--confidence"),
+        (("--part", BRACKET, "--goal", "1mm", "--sd", "1mm", "--approach", "0,0,-1"), "--approach"),
+        (("--part", BRACKET, "--goal", "1mm", "--sd", "0mm"), "--sd"),
+        (("--part", BRACKET, "--goal", "1mm", "--sensor", "nothing"), "sensor"),
         (("--discriminate", BRACKET, "--sd", "1mm"), "two CAD files"),
         (("--discriminate", BRACKET, "--discriminate", BRACKET, "--sd", "1mm"), "twice"),
         (
-            ("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--max-measurements", "0"),
+            ("--part", BRACKET, "--goal", "1mm", "--sd", "1mm", "--max-measurements", "0"),
             "--max-measurements: expected 1 or more, got 0.",
         ),
         (
@@ -137,8 +135,8 @@ def test_two_outputs_are_two_files(run, tmp_path):
             ),
             "--confidence, --max-measurements: expected with",
         ),
-        (("--part", BRACKET, "--tolerance", "1mm", "--sensor", "vl53l0x", "--standoff", "12mm"), "30 mm or more"),
-        (("--part", BRACKET, "--tolerance", "1mm", "--sd", "1mm", "--report", "plan.pdf"), "--report"),
+        (("--part", BRACKET, "--goal", "1mm", "--sensor", "vl53l0x", "--standoff", "12mm"), "30 mm or more"),
+        (("--part", BRACKET, "--goal", "1mm", "--sd", "1mm", "--report", "plan.pdf"), "--report"),
     ],
 )
 def test_misuse_is_advice(run, words, message):
@@ -149,8 +147,8 @@ def test_misuse_is_advice(run, words, message):
 
 
 def test_a_file_that_is_not_there_fails(run, tmp_path):
-    assert run("plan", "--part", str(tmp_path / "no.step"), "--tolerance", "1mm", "--sd", "1mm").code == 1
-    got = run("plan", "--part", BRACKET, "--tolerance", "1mm", "--sd", "0.1mm", "--csv", str(tmp_path / "no" / "p.csv"))
+    assert run("plan", "--part", str(tmp_path / "no.step"), "--goal", "1mm", "--sd", "1mm").code == 1
+    got = run("plan", "--part", BRACKET, "--goal", "1mm", "--sd", "0.1mm", "--csv", str(tmp_path / "no" / "p.csv"))
     assert got.code == 1
     assert "--csv" in got.err
     assert io.StringIO(got.out).read() == ""
@@ -158,7 +156,7 @@ def test_a_file_that_is_not_there_fails(run, tmp_path):
 
 def test_a_named_feature_is_planned_for(run, tmp_path):
     out, report = tmp_path / "plan.csv", tmp_path / "plan.html"
-    words = ("plan", "--part", BRACKET, "--tolerance", "0.5mm", "--sd", "0.1mm")
+    words = ("plan", "--part", BRACKET, "--goal", "0.5mm", "--sd", "0.1mm")
     got = run(*words, "--feature", "edge 3", "--csv", str(out), "--report", str(report))
     assert got.code == 0
     assert "edge 3 of bracket_left within 0.5 mm" in got.out
@@ -183,6 +181,6 @@ def test_a_named_feature_is_planned_for(run, tmp_path):
     ("feature", "message"), [("edge 99", "--feature: expected one of a part, got 'edge 99'"), ("left", "'edge 4'")]
 )
 def test_a_feature_that_is_not_there_is_misuse(run, feature, message):
-    got = run("plan", "--part", BRACKET, "--tolerance", "0.5mm", "--sd", "0.1mm", "--feature", feature)
+    got = run("plan", "--part", BRACKET, "--goal", "0.5mm", "--sd", "0.1mm", "--feature", feature)
     assert got.code == 2
     assert message in got.err

@@ -44,7 +44,7 @@ def cell():
 
 
 def probe(run, machine, *more):
-    return run("probe", "--machine", machine, "--part", BLOCK, "--tolerance", "0.4mm", *more)
+    return run("probe", "--machine", machine, "--part", BLOCK, "--goal", "0.4mm", *more)
 
 
 @pytest.mark.parametrize(("kind", "frame"), [("grbl", "grbl:G55"), ("linuxcnc", "G55")])
@@ -107,7 +107,7 @@ def test_a_session_is_followed_on_a_page(run, monkeypatch):
 def test_a_signal_stops_the_machine_and_keeps_the_readings(run, cell, name, tmp_path):
     fake, address = cell("grbl", 4.0)
     record = tmp_path / "run.json"
-    typed = ("probe", "--machine", address, "--part", BLOCK, "--tolerance", "0.4mm", *PROBE, "--record", record)
+    typed = ("probe", "--machine", address, "--part", BLOCK, "--goal", "0.4mm", *PROBE, "--record", record)
     more = ("--travel", "200mm/s", "--feed", "10mm/s")
     command = [sys.executable, "-m", "tanteo", *map(str, typed + more)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -168,5 +168,5 @@ def test_a_check_that_is_none_is_refused(run):
 
 def test_a_robot_needs_the_size_of_its_tool(run):
     typed = ("--tip-radius", "1mm", "--workspace", "0,0,0,1,1,1m")
-    assert "--tool: expected" in probe(run, "ur://127.0.0.1", *typed).err
-    assert "--tool: expected" in probe(run, "ur://127.0.0.1", *typed, "--tool", "1,2mm").err
+    assert "--tool-body: expected" in probe(run, "ur://127.0.0.1", *typed).err
+    assert "--tool-body: expected" in probe(run, "ur://127.0.0.1", *typed, "--tool-body", "1,2mm").err

@@ -25,7 +25,7 @@ def sense(run):
 def test_it_ends_with_name_place_and_cost_in_words(run, tmp_path):
     record = tmp_path / "readings.csv"
     report = tmp_path / "report.html"
-    one = ("sense", "part", "--scene", str(SCENE), "--parts", LEFT, "--tolerance", "20mm")
+    one = ("sense", "part", "--scene", str(SCENE), "--parts", LEFT, "--goal", "20mm")
     code, out, err = run(*one, "--record", str(record), "-v", "--report", str(report))
     assert code == 0
     assert out.endswith(f"report written: {report}\n")
@@ -46,7 +46,7 @@ def test_it_ends_with_name_place_and_cost_in_words(run, tmp_path):
 
 def test_json_is_one_document_and_the_record_gives_it_again(sense, tmp_path):
     record = tmp_path / "session.json"
-    code, out, err = sense("--json", "--tolerance", "20mm", "--record", str(record))
+    code, out, err = sense("--json", "--goal", "20mm", "--record", str(record))
     document = json.loads(out)
     assert code == 0
     assert document["schema"] == "tanteo.recognition/1"
@@ -70,7 +70,7 @@ def test_json_is_one_document_and_the_record_gives_it_again(sense, tmp_path):
 
 
 def test_what_is_not_reached_exits_with_three(sense):
-    code, out, _ = sense("--max-measurements", "1", "--tolerance", "1mm")
+    code, out, _ = sense("--max-measurements", "1", "--goal", "1mm")
     assert code == 3
     assert "1 were allowed" not in out
     assert "The limit of readings is reached: 1 was allowed" in out
@@ -109,10 +109,10 @@ def test_the_policies_differ_and_the_seed_repeats(sense):
         (("--policy", "best"), 2, "--policy: expected one of information"),
         (("--probability", "1.5"), 2, "--probability: expected a probability"),
         (("--confidence", "0"), 2, "--confidence: expected a probability"),
-        (("--tolerance", "2"), 2, "expected a unit"),
-        (("--tolerance", "0mm"), 2, "--tolerance: expected a positive length"),
-        (("--feature", "edge 3"), 2, "--feature: expected --tolerance with 'edge 3'"),
-        (("--feature", "edge 999", "--tolerance", "1mm"), 2, "--feature: expected one of a part, got 'edge 999'"),
+        (("--goal", "2"), 2, "expected a unit"),
+        (("--goal", "0mm"), 2, "--goal: expected a positive length"),
+        (("--feature", "edge 3"), 2, "--feature: expected --goal with 'edge 3'"),
+        (("--feature", "edge 999", "--goal", "1mm"), 2, "--feature: expected one of a part, got 'edge 999'"),
         (("--max-measurements", "0"), 2, "--max-measurements: expected 1 or more"),
         (("--seed", "-1"), 2, "--seed: expected 0 or more"),
         (("--standoff", "0mm"), 2, "--standoff: expected a length"),

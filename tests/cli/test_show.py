@@ -67,7 +67,7 @@ def test_version_and_help(run):
         assert result.code == 0
         assert "Usage: tanteo" in result.out
     text = run("identify", "--help").out
-    for option in ("--parts", "--units", "--sensor", "--sd", "--tolerance", "--robot", "--tip-sd", "--significance",
+    for option in ("--parts", "--units", "--sensor", "--sd", "--form-sd", "--robot", "--tip-sd", "--significance",
         "--top",
                    "--as-published", "--json", "--seed", "-v"):  # fmt: skip
         assert option in text

@@ -21,7 +21,7 @@ PROGRAM = [sys.executable, "-c", "from tanteo.cli import main; main()"]
     [
         "locate r.html --part wedge.stl --units mm --report r.html",
         "identify r.csv --rig rig.html --parts wedge.stl --units mm --report rig.html",
-        "plan --part wedge.stl --units mm --tolerance 1mm --sd 0.1mm --csv wedge.stl",
+        "plan --part wedge.stl --units mm --goal 1mm --sd 0.1mm --csv wedge.stl",
         "replay session.html --report session.html",
         "see image.png --camera camera.yaml --parts wedge.stl --units mm --picture image.png",
         "sense plane --scene s.toml --record s.toml",
@@ -71,7 +71,7 @@ def test_a_link_to_nowhere_in_folder_is_part_that_cannot_be_read(run, parts, tmp
 def test_a_closed_terminal_loses_no_readings(tmp_path):
     scene, record = EXAMPLES / "scenes" / "part_unknown.toml", tmp_path / "session.json"
     parts = [str(EXAMPLES / "parts" / f"bracket_{side}.step") for side in ("left", "right")]
-    words = ["sense", "part", "--scene", str(scene), "--parts", *parts, "--tolerance", "0.1mm", "--record", str(record)]
+    words = ["sense", "part", "--scene", str(scene), "--parts", *parts, "--goal", "0.1mm", "--record", str(record)]
     with subprocess.Popen([*PROGRAM, *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
         for line in process.stderr:  # of the first visit that read something

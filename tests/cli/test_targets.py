@@ -10,7 +10,7 @@ import sys
 import pytest
 
 PROGRAM = [sys.executable, "-c", "from tanteo.cli import main; main()"]
-PLAN = ("plan", "--part", "none.stl", "--units", "mm", "--sd", "1mm", "--tolerance", "1mm")
+PLAN = ("plan", "--part", "none.stl", "--units", "mm", "--sd", "1mm", "--goal", "1mm")
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,7 @@ def test_a_record_is_shown_step_by_step(run, opened, tmp_path):
 
 @pytest.mark.parametrize(
     "options",
-    [("--unknown-prior", "1%"), ("--pose-prior", "garbage"), ("--bare",), ("--tolerance", "1mm"), ("--seed", "0")],
+    [("--unknown-prior", "1%"), ("--pose-prior", "garbage"), ("--bare",), ("--goal", "1mm"), ("--seed", "0")],
 )
 def test_a_record_refuses_options_of_a_session(run, tmp_path, options):
     code, out, err = run("view", str(tmp_path / "s.json"), "--no-open", *options)

@@ -48,7 +48,7 @@ def test_arguments_arrive_in_si_units(run, readings, parts, identified):
     calls = identified()
     result = run(
         "identify", readings, "--parts", parts / "wedge.stl", parts / "block.stl", "--units", "mm", "--sd", "200um",
-        "--tolerance", "0.1mm", "--tip-sd", "1.5,1.5,0.3mm", "--robot", "xarm", "--sensor", "ball_tip_on_cobot",
+        "--form-sd", "0.1mm", "--tip-sd", "1.5,1.5,0.3mm", "--robot", "xarm", "--sensor", "ball_tip_on_cobot",
         "--significance", "0.05", "--top", "3", "--seed", "11", "--as-published",
     )  # fmt: skip
     assert (result.code, result.err) == (0, "")

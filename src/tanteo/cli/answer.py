@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import controller, files, typed
-from tanteo.cli.answer_options import Options
+from tanteo.cli.answer_options import Evidence, Options
 from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, warned
 from tanteo.cli.readings import FileOptions, read_file, units_of_parts
@@ -37,47 +37,25 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
         _check_published(known, options)
     words = controller.Words(options.pose_as, options.wcs, options.best_guess, options.accept_turn_lost)
     files.check_report(options.report)
-    factors = options.factors()
-    from tanteo.cli.image import outline_of, read_views
-
-    views = read_views(options.image, options.camera, options.marks)
     sources = [("the readings", readings), ("--rig", options.rig)]
     sources += [("--image", image) for image in options.image or ()]
     sources += [("--camera", camera) for camera in options.camera or ()]
     sources += [("--factor", text.partition("=")[2]) for text in options.factor or ()]
     files.check_different(("--report", options.report), inputs=sources, parts=parts)
-    given = read_given(readings, parts, options, file)
-    from tanteo.recognition import MOST_VIEWED, Query, identify
-
-    table = known.table if known is not None else None
-    outlines = [outline_of(view, given.measured.points, given.parts, table) for view in views]
-    many = len(given.parts) > MOST_VIEWED  # the outline then prunes the parts, and replaces the edges in the posterior
-    outline = outlines[0] if outlines and many else None
-    loaded = time.perf_counter() - start
-    with misuse():
-        priors = options.priors(known, outline)
-    chosen: dict[str, Any] = {
-        "sensor": options.sensor, "sd": options.sd, "tolerance": options.tolerance, "robot": options.robot,
-        "tip_sd": options.tip_sd, "bias_sd": options.bias_sd, "rig": given.rig, "significance": options.significance,
-        "priors": priors, "factors": factors, "views": () if many else views, "seed": options.seed,
-    }  # fmt: skip
-    with misuse(always=False):
-        result = identify(
-            given.readings,
-            given.parts,
-            **chosen,
-            top=options.top,
-            as_published=options.as_published,
-            conventions=False,
-        )
+    asked = ask(readings, parts, options, file, known, top=options.top, as_published=options.as_published)
+    given, result, loaded = asked.given, asked.answer, asked.loaded - start
+    if not options.as_published:
+        result = _with_next(result, given, options, known)
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
     _print_latency(readings, result, given, options, file)
     if not options.json:  # print before the checks of conventions, which take time; a JSON document contains both
         print_answer(result, known, verbose=options.verbose, to_stderr=bool(words))
     if not options.as_published:
+        from tanteo.recognition import Query
+
         before = time.perf_counter()
-        result = _questioned(result, given, Query(**chosen), placed=known is not None)
+        result = _questioned(result, given, Query(**asked.chosen), placed=known is not None)
         result = posterior.answers.with_elapsed(result, conventions=time.perf_counter() - before)
     if options.json:
         print_answer(result, as_json=True, more=words.document(result, given.parts) if words else {})
@@ -86,6 +64,81 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     if options.report is not None:
         _report(options.report, result, given, options, known)
     leave(decided=result.status == "recognized")
+
+
+class Asked(NamedTuple):
+    """Answer of a command, with its inputs.
+
+    Attributes:
+        given: readings, parts and rig.
+        chosen: keyword arguments of :func:`tanteo.identify`.
+        answer: the answer, without questions about conventions.
+        loaded: time at which all files had been read [s].
+    """
+
+    given: Given
+    chosen: dict[str, Any]
+    answer: posterior.Answer
+    loaded: float
+
+
+def ask(
+    readings: str,
+    parts: Sequence[str],
+    options: Evidence,
+    file: FileOptions,
+    known: posterior.PosePrior | None,
+    *,
+    top: int,
+    as_published: bool = False,
+) -> Asked:
+    """Read all files of a question, and answer it.
+
+    Args:
+        readings: file of the readings.
+        parts: files, folders or catalogue of the parts.
+        options: what is known beside the readings.
+        file: options for the file of readings.
+        known: prior knowledge of the pose; None for none.
+        top: largest number of hypotheses.
+        as_published: whether to use the equations of the paper.
+    """
+    factors = options.factors()
+    from tanteo.cli.image import outline_of, read_views
+
+    views = read_views(options.image, options.camera, options.marks)
+    given = read_given(readings, parts, options, file)
+    from tanteo.recognition import MOST_VIEWED, identify
+
+    table = known.table if known is not None else None
+    outlines = [outline_of(view, given.measured.points, given.parts, table) for view in views]
+    many = len(given.parts) > MOST_VIEWED  # the outline then prunes the parts, and replaces the edges in the posterior
+    outline = outlines[0] if outlines and many else None
+    loaded = time.perf_counter()
+    with misuse():
+        priors = options.priors(known, outline)
+    chosen: dict[str, Any] = {
+        "sensor": options.sensor, "sd": options.sd, "tolerance": options.form_sd, "robot": options.robot,
+        "tip_sd": options.tip_sd, "bias_sd": options.bias_sd, "rig": given.rig, "significance": options.significance,
+        "priors": priors, "factors": factors, "views": () if many else views, "seed": options.seed,
+    }  # fmt: skip
+    with misuse(always=False):
+        answer = identify(given.readings, given.parts, **chosen, top=top, as_published=as_published, conventions=False)
+    return Asked(given, chosen, answer, loaded)
+
+
+def _with_next(
+    answer: posterior.Answer, given: Given, options: Evidence, known: posterior.PosePrior | None
+) -> posterior.Answer:
+    """Return an undecided answer with the reading that it lacks as a finding."""
+    if answer.status not in ("ambiguous", "insufficient"):
+        return answer
+    from tanteo.cli.reach_options import ReachOptions, probe_for
+    from tanteo.planning.following import NextReading, next_reading
+
+    probe = probe_for(given, options, ReachOptions(), known)
+    found = next_reading(answer, given.parts, probe, seed=options.seed)
+    return answer.adding(found.finding) if isinstance(found, NextReading) else answer
 
 
 def _check_published(known: posterior.PosePrior | None, options: Options) -> None:
@@ -200,7 +253,7 @@ def _own_unit(parts: Sequence[Part]) -> str:
     return units.pop() if len(units) == 1 else ""
 
 
-def read_given(path: str, part_paths: Sequence[str], options: Options, file: FileOptions) -> Given:
+def read_given(path: str, part_paths: Sequence[str], options: Evidence, file: FileOptions) -> Given:
     """Read readings, rig and parts, and print a warning if their sizes are implausible.
 
     Args:
@@ -267,7 +320,7 @@ def _report(
     from tanteo.render.html import gather, report_page
 
     sensing = Sensing(
-        options.sensor, options.robot, options.sd, options.tip_sd, given.rig, options.tolerance, options.bias_sd
+        options.sensor, options.robot, options.sd, options.tip_sd, given.rig, options.form_sd, options.bias_sd
     )
     page = report_page(answer, gather(given.readings, sensing, known), given.parts, files.this_run())
     files.write_page(path, page, as_json=options.json)

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Options:
-    """Options of ``identify`` and ``locate``."""
+class Evidence:
+    """Options for what is known beside the readings: errors, priors, and further measurements."""
 
     units: args.Units = None
     sensor: args.Sensor = None
     sd: args.Sd = None
-    tolerance: args.Tolerance = 0.0
+    form_sd: args.FormSd = 0.0
     robot: args.Robot = None
     tip_sd: args.TipSd = None
     bias_sd: args.BiasSd = None
@@ -44,13 +44,6 @@ class Options:
     camera: args.CameraPaths = None
     marks: args.MarksPaths = None
     significance: args.Significance = SIGNIFICANCE
-    top: args.Top = TOP
-    as_published: args.AsPublished = False
-    report: args.Report = None
-    pose_as: controller.PoseAs = None
-    wcs: controller.Wcs = None
-    best_guess: controller.BestGuess = False
-    accept_turn_lost: controller.AcceptTurnLost = False
     json: args.Json = False
     seed: args.Seed = 0
     verbose: args.Verbose = False
@@ -96,3 +89,16 @@ class Options:
             return None
         sides, sd = self.size or (None, 0.0)
         return posterior.WholeObject(self.mass, self.density, sides, sd, outline)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options(Evidence):
+    """Options of ``identify`` and ``locate``."""
+
+    top: args.Top = TOP
+    as_published: args.AsPublished = False
+    report: args.Report = None
+    pose_as: controller.PoseAs = None
+    wcs: controller.Wcs = None
+    best_guess: controller.BestGuess = False
+    accept_turn_lost: controller.AcceptTurnLost = False

@@ -22,6 +22,7 @@ from tanteo.cli import (  # fmt: skip
     cell,
     demo,
     doctor,
+    following,
     part,
     plan,
     probe,
@@ -206,6 +207,7 @@ _catalogue = _group("Store many parts on disk, prepared for recognition.")
 _add(app, "identify", answer.identify)
 _add(app, "locate", answer.locate)
 _add(app, "see", see.see)
+_add(app, "next", following.next_reading)
 _add(app, "plan", plan.plan, plan.check_plan)
 _add(app, "probe", probe.probe)
 _add(app, "ros", ros.ros)

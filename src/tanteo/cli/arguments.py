@@ -38,6 +38,7 @@ def option(names: str, metavar: str | None, words: str, **more: Any) -> Any:
 _readings = partial(option, rich_help_panel="Readings and parts")
 _errors = partial(option, rich_help_panel="Errors")
 _prior = partial(option, rich_help_panel="Prior knowledge")
+_reach = partial(option, rich_help_panel="Probe and reach")
 _image = partial(option, rich_help_panel="Image")
 sensing = partial(option, rich_help_panel="Sensing")
 _answer = partial(option, rich_help_panel="Answer")
@@ -64,10 +65,15 @@ Sd = Annotated[
     _errors("--sd", "LENGTH", "Standard deviation of readings without their own, as 0.3mm."),
     Words(partial(typed.spread, "--sd", True)),
 ]
-Tolerance = Annotated[
+FormSd = Annotated[
     float,
-    _errors("--tolerance", "LENGTH", "Standard deviation of the surfaces of the made part from its CAD, as 0.1mm."),
-    Words(partial(typed.spread, "--tolerance", False), str, "0mm"),
+    _errors(
+        "--form-sd",
+        "LENGTH",
+        "Standard deviation of the made part's surface from its CAD, as 0.1mm, or machined (0.05 mm), printed "
+        "(0.15 mm) or cast (0.25 mm).",
+    ),
+    Words(typed.form_sd, str, "0mm"),
 ]
 Robot = Annotated[str | None, _errors("--robot", "PRESET", ROBOT_HELP, autocompletion=typed.robot_names), ROBOT]
 TipSd = Annotated[
@@ -123,6 +129,52 @@ UnknownPrior = Annotated[
     float | None,
     _prior("--unknown-prior", "SHARE", "Prior probability that the object is unknown, as 0.1%; 5% if not given."),
     Words(partial(typed.share, "--unknown-prior", 1.0, "one")),
+]
+
+WorkspaceBox = Annotated[
+    FloatArray | None,
+    _reach("--workspace", "LOW,HIGH", "Box of permitted tip positions, as 0,0,-50,300,200,120mm."),
+    Words(lambda text: io.poses.parse_box(text, "--workspace")),
+]
+Forbid = Annotated[
+    list[Any] | None,
+    _reach("--forbid", "CORNERS", "Forbidden box: two corners, as 150,0,0,180,60,250mm; may be repeated."),
+    Words(typed.forbidden, list[str] | None),
+]
+ToolBody = Annotated[
+    FloatArray | None,
+    _reach(
+        "--tool-body", "STYLUS,RADIUS,LENGTH", "Length of the stylus, radius and length of the tool, as 50,30,150mm."
+    ),
+    Words(typed.tool_body),
+]
+ToolTilt = Annotated[
+    float | None,
+    _reach("--tool-tilt", "ANGLE", "Largest tilt of the tool from upright, as 30deg; 0deg if it stays upright."),
+    Words(typed.tilt),
+]
+AxisParallel = Annotated[
+    bool, _reach("--axis-parallel", None, "Approach only along the axes of the world, as a milling machine does.")
+]
+Approach = Annotated[
+    Any,
+    _reach("--approach", "DIR,ANGLE", "Direction of beam or approach, and the largest angle to it, as 0,0,-1,60deg."),
+    Words(typed.approach),
+]
+TouchStandoff = Annotated[
+    float | None,
+    _reach("--standoff", "LENGTH", "Distance from the surface at which a reading starts, as 20mm; 50mm if not given."),
+    STANDOFF,
+]
+Clearance = Annotated[
+    float | None,
+    _reach("--clearance", "LENGTH", "Radius of free space around the probe, as 10mm, which is the default."),
+    Words(partial(typed.length, "--clearance", "10mm")),
+]
+TipRadius = Annotated[
+    float | None,
+    _reach("--tip-radius", "LENGTH", "Radius of the probe's ball, as 1.5mm; 0mm for a sharp tip."),
+    Words(typed.tip_radius),
 ]
 
 Mass = Annotated[
@@ -201,6 +253,16 @@ CameraFile = Annotated[
 MarksFile = Annotated[
     str | None,
     _image("--marks", "FILE", "Known points of the table and their pixels in the image, to place the camera (CSV)."),
+]
+Goal = Annotated[
+    float | None,
+    sensing("--goal", "LENGTH", "Largest error of the part's corners, or of --feature, as 0.5mm."),
+    Words(partial(typed.spread, "--goal", True)),
+]
+Confidence = Annotated[
+    float,
+    sensing("--confidence", None, "Probability that the goal holds."),
+    Words(partial(typed.fraction, "--confidence", "probability", "0.95"), float),
 ]
 Feature = Annotated[
     str | None,

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 REPORT = "tanteo_demo.html"
 NEXT = (
     "Watch it live, or play against the planner: {program} demo --live",
-    "Plan for a part of your own: {program} plan --part YOURS.step --tolerance 0.5mm --sd 0.05mm "
+    "Plan for a part of your own: {program} plan --part YOURS.step --goal 0.5mm --sd 0.05mm "
     "--pose-prior '0,0,0mm 0,0,0deg +- 5mm 5deg'",
 )
 """Suggestions after the demo; the last one is for a part of the user."""

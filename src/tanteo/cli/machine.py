@@ -38,25 +38,6 @@ def _address(text: str) -> Address:
     return parse_machine(text)
 
 
-def _box(text: str) -> FloatArray:
-    return io.poses.parse_box(text, "--workspace")
-
-
-def _radius(text: str) -> float:
-    return io.readings.parse_length(text, "--tip-radius")
-
-
-def _tool(text: str) -> FloatArray:
-    import numpy as np
-
-    lengths = io.readings.parse_lengths(text, "--tool")
-    if len(lengths) != 3 or not (np.asarray(lengths) > 0).all():
-        raise InputError(
-            f"--tool: expected stylus, radius and length of the tool, got '{text}'. Write them as 50,30,150mm."
-        )
-    return np.asarray(lengths)
-
-
 def _check(text: str) -> float | str:
     if text in ("hand", "off"):
         return text
@@ -85,25 +66,9 @@ class MachineOptions:
         ),
         typed.Words(_address, str),
     ]
-    workspace: Annotated[
-        FloatArray | None,
-        _machine(
-            "--workspace",
-            "LOW,HIGH",
-            "Box of permitted tip positions, as 0,0,-50,300,200,120mm; not needed for a fake.",
-        ),
-        typed.Words(_box),
-    ] = None
-    forbid: Annotated[
-        list[Any] | None,
-        _machine("--forbid", "CORNERS", "Forbidden box: two corners, as 150,0,0,180,60,250mm; may be repeated."),
-        typed.Words(typed.forbidden, list[str] | None),
-    ] = None
-    tip_radius: Annotated[
-        float | None,
-        _machine("--tip-radius", "LENGTH", "Radius of the probe's ball, as 1.5mm; 0mm for a sharp tip."),
-        typed.Words(_radius),
-    ] = None
+    workspace: args.WorkspaceBox = None
+    forbid: args.Forbid = None
+    tip_radius: args.TipRadius = None
     feed: Annotated[
         float,
         _machine("--feed", "SPEED", "Speed of a touch, as 100mm/min or 2mm/s."),
@@ -119,27 +84,11 @@ class MachineOptions:
         _machine("--max-reach", "LENGTH", "Largest length of a touch, as 100mm."),
         typed.Words(partial(typed.length, "--max-reach", "100mm"), str, "100mm"),
     ]
-    standoff: Annotated[
-        float | None,
-        _machine(
-            "--standoff", "LENGTH", "Distance from the surface at which a touch starts, as 20mm; 50mm if not given."
-        ),
-        args.STANDOFF,
-    ] = None
-    clearance: Annotated[
-        float | None,
-        _machine("--clearance", "LENGTH", "Radius of free space around the probe, as 10mm, which is the default."),
-        typed.Words(partial(typed.length, "--clearance", "10mm")),
-    ] = None
-    tool: Annotated[
-        FloatArray | None,
-        _machine(
-            "--tool",
-            "STYLUS,RADIUS,LENGTH",
-            "Length of the stylus, radius and length of the tool, as 50,30,150mm; it stays in the workspace.",
-        ),
-        typed.Words(_tool),
-    ] = None
+    standoff: args.TouchStandoff = None
+    clearance: args.Clearance = None
+    tool_body: args.ToolBody = None
+    tool_tilt: args.ToolTilt = None
+    axis_parallel: args.AxisParallel = False
     check_probe: Annotated[
         float | str | None,
         _machine(
@@ -158,9 +107,10 @@ class MachineOptions:
             raise MisuseError(
                 "--tip-radius: expected the ball radius of the machine's probe, got none. Add --tip-radius 1.5mm."
             )
-        if self.tool is None and self.moves and _turns(self.machine):
+        if self.tool_body is None and self.moves and _turns(self.machine):
             raise MisuseError(
-                "--tool: expected stylus, radius and length of a tool that turns, got none. Add --tool 50,30,150mm."
+                "--tool-body: expected stylus, radius and length of a tool that turns, got none. Add --tool-body "
+                "50,30,150mm."
             )
         if self.workspace is None and self.moves:
             raise MisuseError(
@@ -195,32 +145,41 @@ class MachineOptions:
         require_errors(sensor, sd, "0.02mm")
         return sensor if sensor is not None else cast("float", sd)
 
-    def probe(self, spread: str | float, robot: str | None, *, turns: bool) -> Probe:
+    def probe(self, spread: str | float, robot: str | None, form_sd: float = 0.0, *, turns: bool) -> Probe:
         """Return the probe for the choice of readings.
 
         Args:
             spread: name of a preset, or a standard deviation [m].
             robot: name of the robot's preset; None if not given.
+            form_sd: standard deviation of the part's surface from its CAD [m].
             turns: whether the tool can point along any direction.
         """
         from tanteo.planning import probe_of
 
-        stylus: dict[str, Any] = {"stylus_along_motion": True} if turns else {"stylus": _UP}
+        upright = not turns or self.tool_tilt == 0
+        stylus: dict[str, Any] = {"stylus": _UP} if upright else {"stylus_along_motion": True, "tilt": self.tool_tilt}
         where: dict[str, Any] = {
             "contact": True, "radius": self.radius, "approach": _DOWN, "cone": 0.5 * 3.141592653589793,
-            "standoff": self.standoff, "clearance": self.clearance, "workspace": self._workspace(), **stylus,
+            "standoff": self.standoff, "clearance": self.clearance, "workspace": self._workspace(), "form_sd": form_sd,
+            "axis_parallel": self.axis_parallel, "body": self._body(), **stylus,
         }  # fmt: skip
         return probe_of(spread, robot, **{name: value for name, value in where.items() if value is not None})
 
     def limits(self) -> MachineLimits:
         """Return the limits of the machine."""
-        from tanteo.machines import MachineLimits, tool_body
+        from tanteo.machines import MachineLimits
 
-        body = None
-        if self.tool is not None:
-            stylus, radius, length = self.tool
-            body = tool_body(stylus, self.radius, radius, length)
-        return MachineLimits(self._workspace(), self.radius, self.travel, self.feed, self.max_reach, body=body)
+        workspace, body = self._workspace(), self._body()
+        return MachineLimits(workspace, self.radius, self.travel, self.feed, self.max_reach, body=body)
+
+    def _body(self) -> Any:
+        """Return the body of the tool; None without ``--tool-body``."""
+        from tanteo.machines import tool_body
+
+        if self.tool_body is None:
+            return None
+        stylus, radius, length = self.tool_body
+        return tool_body(stylus, self.radius, radius, length)
 
     def check_of_probe(self) -> float | str:
         """Return the check of the probe before the first motion: ``hand``, ``off``, or the height of a surface [m]."""

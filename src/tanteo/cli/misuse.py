@@ -8,11 +8,12 @@ from contextlib import contextmanager
 from tanteo.errors import ReadingsError, TanteoError
 
 _MESSAGES = {
-    "sd": "--sd", "tolerance": "--tolerance", "tip_sd": "--tip-sd", "sensor": "--sensor", "robot": "--robot",
-    "as_published": "--as-published", "priors, outlier_rate": "--outlier-rate", "priors, unknown": "--unknown-prior",
-    "bias_sd": "--bias-sd", "mass": "--mass", "size": "--size", "scheduler": "--scheduler",
-    "priors, noise_factor": "--noise-factor", "table, sd": "--table", "prior, box": "--box",
-    "prior, T_world_part": "--pose-prior", "prior, covariance": "--pose-prior", "feature": "--feature",
+    "sd": "--sd", "tolerance": "--form-sd", "goal": "--goal", "tip_sd": "--tip-sd", "sensor": "--sensor",
+    "robot": "--robot", "as_published": "--as-published", "priors, outlier_rate": "--outlier-rate",
+    "priors, unknown": "--unknown-prior", "bias_sd": "--bias-sd", "mass": "--mass", "size": "--size",
+    "scheduler": "--scheduler", "priors, noise_factor": "--noise-factor", "table, sd": "--table",
+    "prior, box": "--box", "prior, T_world_part": "--pose-prior", "prior, covariance": "--pose-prior",
+    "feature": "--feature",
 }  # fmt: skip
 """Options by the names in messages of the library."""
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,38 +16,16 @@ from tanteo.cli import files, typed
 from tanteo.cli.misuse import misuse, require_errors
 from tanteo.cli.printing import emit, layout, leave, put
 from tanteo.cli.probing import ProgramOptions
+from tanteo.cli.reach_options import ReachOptions
 from tanteo.errors import InputError
 from tanteo.replaced import replaced
 
 if TYPE_CHECKING:
-    from tanteo.geometry.typing import Vectors
     from tanteo.parts import Part
     from tanteo.planning import Plan, Probe
-else:  # the parser resolves annotations; this name avoids a slow import
-    Vectors = Any
 
 _CONFIDENCE, _MOST = 0.95, 30
 """Default confidence and largest number of readings of a plan."""
-
-
-def _approach(text: str) -> tuple[Vectors, float]:
-    import numpy as np
-
-    words = text.replace(" ", "").split(",")
-    try:
-        values = [float(w.removesuffix("deg")) for w in words]
-    except ValueError:
-        values = []
-    if len(values) != 4 or not words[-1].endswith("deg") or not 0 <= values[3] <= 180 or not any(values[:3]):
-        raise InputError(
-            f"--approach: expected a direction in the world and the largest angle to it, got '{text}'. Write it as "
-            "0,0,-1,60deg."
-        )
-    return np.array(values[:3]), float(np.radians(values[3]))
-
-
-def _place(name: str, typed: str) -> float:
-    return io.readings.parse_length(typed, name)
 
 
 def _feature(name: str) -> str:
@@ -65,56 +44,28 @@ class Options:
         list[str] | None,
         args.option("--discriminate", "A B", "CAD files of two parts: plan the one reading that discriminates them."),
     ] = None
-    tolerance: Annotated[
-        float | None,
-        args.option("--tolerance", "LENGTH", "Largest error of the part's corners, as 0.2mm."),
-        typed.Words(partial(typed.length, "--tolerance", "0.2mm")),
-    ] = None
+    goal: args.Goal = None
     confidence: Annotated[
         float | None,
-        args.option("--confidence", None, "Probability that the tolerance holds; 0.95 if not given."),
+        args.option("--confidence", None, "Probability that the goal holds; 0.95 if not given."),
         typed.Words(partial(typed.fraction, "--confidence", "number", f"{_CONFIDENCE}"), float | None),
     ] = None
     feature: Annotated[args.Feature, typed.Words(_feature)] = None
-    sensor: Annotated[
-        str | None, args.option("--sensor", "NAME", args.SENSOR_HELP, autocompletion=typed.sensor_names), args.PRESET
-    ] = None
-    sd: Annotated[
-        float | None,
-        args.option("--sd", "LENGTH", "Standard deviation of a reading, in place of --sensor, as 0.1mm."),
-        typed.Words(partial(typed.length, "--sd", "0.1mm")),
-    ] = None
-    robot: Annotated[
-        str | None, args.option("--robot", "PRESET", args.ROBOT_HELP, autocompletion=typed.robot_names), args.ROBOT
-    ] = None
+    sensor: args.Sensor = None
+    sd: args.Sd = None
+    form_sd: args.FormSd = 0.0
+    tip_sd: args.TipSd = None
+    bias_sd: args.BiasSd = None
+    robot: args.Robot = None
     pose_prior: args.PosePriorAt = None
-    approach: Annotated[
-        tuple[Vectors, float] | None,
-        args.option(
-            "--approach",
-            "DIR,ANGLE",
-            "Direction of beam or approach, and the largest angle to it, as 0,0,-1,60deg.",
-        ),
-        typed.Words(_approach),
-    ] = None
-    standoff: Annotated[
-        float | None,
-        args.option(
-            "--standoff", "LENGTH", "Distance from the surface at which a reading starts, as 20mm; 50mm if not given."
-        ),
-        typed.Words(partial(_place, "--standoff")),
-    ] = None
-    clearance: Annotated[
-        float | None,
-        args.option("--clearance", "LENGTH", "Radius of free space around the probe, as 10mm, which is the default."),
-        typed.Words(partial(_place, "--clearance")),
-    ] = None
+    table: args.TableAt = None
+    furniture: args.FurniturePaths = None
     max_measurements: Annotated[
         int | None,
         args.option("--max-measurements", None, "Largest number of readings; 30 if not given."),
         typed.Words(partial(typed.at_least, "--max-measurements", 1, f"Drop it for {_MOST}"), int | None),
     ] = None
-    units: Annotated[str | None, args.option("--units", "UNIT", args.UNITS_HELP), args.UNIT] = None
+    units: args.Units = None
     csv: Annotated[str | None, args.option("--csv", "FILE", "Also write the plan as a table.")] = None
     seed: Annotated[
         int,
@@ -127,21 +78,26 @@ class Options:
     def __post_init__(self) -> None:
         require_errors(self.sensor, self.sd)
 
-    def probe(self, program: ProgramOptions) -> Probe:
+    def probe(self, program: ProgramOptions, reach: ReachOptions) -> Probe:
         """Return the sensor that takes the readings.
 
         Args:
             program: options of the probing program.
+            reach: options of the approach.
         """
         from tanteo.planning import probe_of
         from tanteo.sensors.presets import sensor_preset
 
         beam = self.sensor is not None and not sensor_preset(self.sensor).is_contact
-        where: dict[str, Any] = {"standoff": self.standoff, "clearance": self.clearance}
-        where |= dict(zip(("approach", "cone"), self.approach or (), strict=False))
-        where |= program.of_probe(beam=beam, approached=self.approach is not None)
-        given = {name: value for name, value in where.items() if value is not None}
-        return probe_of(self.sensor or self.sd or 0.0, self.robot, **given)
+        where = program.of_probe(beam=beam, turned=reach.tool_tilt != 0)
+        where |= reach.where(
+            self.table, self.furniture, self.units, ball=program.tip_radius or 0.0, above=program.program is not None
+        )
+        where["form_sd"] = self.form_sd
+        probe = probe_of(self.sensor or self.sd or 0.0, self.robot, **where)
+        shared = math.hypot(probe.shared_sd, self.bias_sd or 0.0)
+        moved = math.hypot(probe.base_sds[0], max(self.tip_sd or (0.0,)))  # of a tool that keeps its attitude
+        return replace(probe, shared_sd=shared, base_sds=(moved, probe.base_sds[1]))
 
 
 def check_plan(typed: Mapping[str, Any]) -> None:
@@ -165,21 +121,21 @@ def check_plan(typed: Mapping[str, Any]) -> None:
             f"--discriminate: expected two parts, got {pair[0]} twice. Poses of one part are for a "
             "session (tanteo sense part --image)."
         )
-    of_plans = ("tolerance", "confidence", "feature", "pose_prior", "max_measurements", "csv", "program")
+    of_plans = ("goal", "confidence", "feature", "pose_prior", "max_measurements", "csv", "program")
     unused = [f"--{name.replace('_', '-')}" for name in of_plans if typed[name] is not None]
     if pair and unused:
         raise InputError(f"{', '.join(unused)}: expected with --part, got it with --discriminate. Drop it.")
-    if part is not None and typed["tolerance"] is None:
-        raise InputError("--tolerance: expected a length for a plan, got none. Add --tolerance 0.2mm.")
+    if part is not None and typed["goal"] is None:
+        raise InputError("--goal: expected a length for a plan, got none. Add --goal 0.2mm.")
 
 
-def plan(options: Options, program: ProgramOptions) -> None:
+def plan(options: Options, reach: ReachOptions, program: ProgramOptions) -> None:
     """Plan readings of a part before sensing it.
 
     Finds few readings that place a part within a tolerance, or the one that discriminates two parts.
     """
     with misuse():
-        probe = options.probe(program)
+        probe = options.probe(program, reach)
     files.check_report(options.report)
     files.check_target("--csv", options.csv)
     paths = options.discriminate or [options.part or ""]
@@ -203,7 +159,7 @@ def _plan(part: Part, probe: Probe, options: Options, program: ProgramOptions) -
     start = at_origin(target)
     if options.pose_prior is not None:
         start = at_pose(target, options.pose_prior.T, options.pose_prior.C)
-    tolerance, confidence = options.tolerance or 0.0, options.confidence or _CONFIDENCE
+    tolerance, confidence = options.goal or 0.0, options.confidence or _CONFIDENCE
     with misuse(always=False):
         most = options.max_measurements or _MOST
         found = plan(start, probe, tolerance, confidence, most, options.seed, options.feature)

@@ -34,16 +34,8 @@ class Options:
     """Options of ``probe``."""
 
     part: args.PartPath
-    tolerance: Annotated[
-        float,
-        args.option("--tolerance", "LENGTH", "Largest error of the part's corners at the end, as 0.2mm."),
-        typed.Words(partial(typed.length, "--tolerance", "0.2mm"), str),
-    ]
-    confidence: Annotated[
-        float,
-        args.option("--confidence", None, "Probability that the tolerance holds."),
-        typed.Words(partial(typed.fraction, "--confidence", "probability", "0.95"), float),
-    ] = 0.95
+    goal: args.Goal
+    confidence: args.Confidence = 0.95
     feature: args.Feature = None
     max_measurements: Annotated[
         int,
@@ -54,6 +46,8 @@ class Options:
     sensor: args.Sensor = None
     sd: args.Sd = None
     robot: args.Robot = None
+    form_sd: args.FormSd = 0.0
+    tip_sd: args.TipSd = None
     bias_sd: args.BiasSd = None
     noise_factor: args.NoiseFactor = None
     units: args.Units = None
@@ -156,12 +150,15 @@ def _session(start: Start, options: Options, machine: MachineOptions) -> Session
     spread = machine.spread(options.sensor, options.sd)
     how: dict[str, Any] = {"sensor": spread} if isinstance(spread, str) else {"sd": spread}
     stop = Stop(
-        tolerance=options.tolerance, confidence=options.confidence, feature=options.feature,
+        tolerance=options.goal, confidence=options.confidence, feature=options.feature,
         max_measurements=options.max_measurements,
     )  # fmt: skip
     return Session(
-        start, machine.probe(spread, options.robot, turns=turns_of(machine.machine)),
-        Sensing(**how, robot=options.robot, bias_sd=options.bias_sd), stop=stop, seed=options.seed,
+        start, machine.probe(spread, options.robot, options.form_sd, turns=turns_of(machine.machine)),
+        Sensing(
+            **how, robot=options.robot, bias_sd=options.bias_sd, tip_sd=options.tip_sd, tolerance=options.form_sd
+        ),
+        stop=stop, seed=options.seed,
     )  # fmt: skip
 
 
@@ -266,7 +263,7 @@ def _print(
         return ""
     made = words.text(answer, [part])
     if made and not done.end.reached:
-        complain("warning", f"{words.option}: the tolerance was not reached: these lines use the estimate so far.")
+        complain("warning", f"{words.option}: the goal was not reached: these lines use the estimate so far.")
     put(made)
     return made
 
@@ -276,7 +273,7 @@ def _write(words: controller.Words, lines: str, done: Probed, safe: SafeMachine)
     if not lines:
         return
     if not done.end.reached:
-        complain("warning", "--write: the tolerance was not reached: nothing was written.")
+        complain("warning", "--write: the goal was not reached: nothing was written.")
         return
     if confirmed(f"Send these lines to {safe.facts.name}"):
         safe.write_frame(lines)

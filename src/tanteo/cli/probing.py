@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
@@ -69,11 +68,7 @@ class ProgramOptions:
         ),
         typed.Words(_program),
     ] = None
-    tip_radius: Annotated[
-        float | None,
-        _option("--tip-radius", "LENGTH", "Radius of the probe's ball, as 1.5mm."),
-        typed.Words(partial(typed.length, "--tip-radius", "1.5mm")),
-    ] = None
+    tip_radius: args.TipRadius = None
     feed: Annotated[
         float | None,
         _option("--feed", "SPEED", "Speed of a touch, as 2mm/s; 100mm/min if not given."),
@@ -106,12 +101,12 @@ class ProgramOptions:
                 option = f"--{name.replace('_', '-')}"
                 raise MisuseError(f"{option}: expected with --program, got none. Add --program linuxcnc, or another.")
 
-    def of_probe(self, *, beam: bool, approached: bool) -> dict[str, Any]:
+    def of_probe(self, *, beam: bool, turned: bool = True) -> dict[str, Any]:
         """Return the properties of the probe that these options state.
 
         Args:
             beam: whether the named sensor measures with a beam.
-            approached: whether the user states the direction of approach.
+            turned: whether a robot may turn the tool from upright.
 
         Raises:
             MisuseError: a tip radius is given for a beam.
@@ -125,10 +120,9 @@ class ProgramOptions:
             return stated
         from tanteo.machines.programs import program_language
 
-        above = {} if approached else {"approach": _DOWN, "cone": math.pi / 2}
-        down = program_language(self.program).points_down
+        down = program_language(self.program).points_down or not turned
         stylus = {"stylus": [-v for v in _DOWN]} if down else {"stylus_along_motion": True}
-        return stated | above | stylus
+        return stated | stylus
 
     def written(self, found: Plan, part: Part, probe: Probe, covariance: Covariances) -> str | None:
         """Return the probing program of a plan, empty without touches; None without ``--program``.

@@ -97,11 +97,8 @@ class Options:
     rig: args.RigPath = None
     outlier_rate: args.OutlierRate = None
     unknown_prior: args.UnknownPrior = None
-    tolerance: Annotated[
-        float | None,
-        args.option("--tolerance", "LENGTH", "Let ~/next propose readings until all corners are within it, as 0.5mm."),
-        typed.Words(partial(typed.length, "--tolerance", "0.5mm")),
-    ] = None
+    form_sd: args.FormSd = 0.0
+    goal: args.Goal = None
     max_measurements: Annotated[
         int,
         args.option("--max-measurements", None, "Largest number of readings until ~/reset."),
@@ -172,12 +169,12 @@ def _estimator(parts: Sequence[Part], options: Options, topics: TopicOptions) ->
     rig = None if options.rig is None else files.read_rig(options.rig, options.sensor, options.sd)
     sensing = Sensing(
         sensor=options.sensor, sd=options.sd, robot=options.robot, tip_sd=options.tip_sd, bias_sd=options.bias_sd,
-        rig=rig,
+        rig=rig, tolerance=options.form_sd,
     )  # fmt: skip
     stated: dict[str, Any] = {"outlier_rate": options.outlier_rate, "unknown": options.unknown_prior}
     with misuse():
         priors = posterior.Priors(**{name: value for name, value in stated.items() if value is not None})
-    stop = Stop(tolerance=options.tolerance, max_measurements=options.max_measurements)
+    stop = Stop(tolerance=options.goal, max_measurements=options.max_measurements)
     probe = _probe(options, topics)
     if options.pose_prior is None:
         return JointEstimator(parts, probe, sensing, stop, priors, options.seed)
@@ -191,7 +188,9 @@ def _probe(options: Options, topics: TopicOptions) -> Probe:
     """Return the probe for the choice of readings."""
     from tanteo.planning import probe_of
 
-    where: dict[str, Any] = {} if options.standoff is None else {"standoff": options.standoff}
+    where: dict[str, Any] = {"form_sd": options.form_sd}
+    if options.standoff is not None:
+        where["standoff"] = options.standoff
     if topics.radius is not None:
         where |= {"contact": True, "radius": topics.radius}
     with misuse():

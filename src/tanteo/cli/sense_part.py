@@ -75,7 +75,7 @@ def sense_part(
     place = io.scenes.change_scene(io.read_scene(scene), seed=options.seed, standoff=options.standoff)
     start = start_of(place, parts, options, as_json=json)
     with misuse(always=False):
-        session, robot, rules = io.scenes.session_of(place, start, options.stop(), options.policy)
+        session, robot, rules = io.scenes.session_of(place, start, options.stop(), options.policy, options.form_sd)
     with kept(session, record) as keep, _shown(verbose=verbose) as show:
 
         def watch(visit: Visit) -> None:

@@ -36,17 +36,10 @@ class SessionOptions:
         args.sensing("--probability", None, "Probability of a part at which the session ends."),
         Words(partial(typed.fraction, "--probability", "probability", "0.99"), float),
     ] = 0.99
-    tolerance: Annotated[
-        float | None,
-        args.sensing("--tolerance", "LENGTH", "Largest error of the part's corners at the end, as 2mm."),
-        Words(partial(typed.length, "--tolerance", "2mm")),
-    ] = None
+    goal: args.Goal = None
     feature: args.Feature = None
-    confidence: Annotated[
-        float,
-        args.sensing("--confidence", None, "Probability that the tolerance holds."),
-        Words(partial(typed.fraction, "--confidence", "probability", "0.99"), float),
-    ] = 0.95
+    confidence: args.Confidence = 0.95
+    form_sd: args.FormSd = 0.0
     max_measurements: Annotated[
         int,
         args.sensing("--max-measurements", None, "Largest number of readings."),
@@ -64,10 +57,8 @@ class SessionOptions:
     seed: args.SceneSeed = None
 
     def __post_init__(self) -> None:
-        if self.feature is not None and self.tolerance is None:
-            raise MisuseError(
-                f"--feature: expected --tolerance with '{self.feature}', got none. Add --tolerance 0.5mm."
-            )
+        if self.feature is not None and self.goal is None:
+            raise MisuseError(f"--feature: expected --goal with '{self.feature}', got none. Add --goal 0.5mm.")
         require_image(self.image, self.camera, self.marks)
 
     def known(self) -> PosePrior | None:
@@ -88,6 +79,6 @@ class SessionOptions:
         from tanteo.planning import Stop
 
         return Stop(
-            probability=self.probability, tolerance=self.tolerance, confidence=self.confidence,
+            probability=self.probability, tolerance=self.goal, confidence=self.confidence,
             max_measurements=self.max_measurements, feature=self.feature,
         )  # fmt: skip

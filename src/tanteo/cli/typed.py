@@ -131,6 +131,93 @@ def spread(name: str, positive: bool, text: str) -> float:
     return value
 
 
+FORM_SDS = {"machined": 5e-5, "printed": 1.5e-4, "cast": 2.5e-4}
+"""Standard deviations of a surface from its CAD by the process [m]: a third of half the general tolerance for 63 to
+100 mm. Machined: ISO 2768-1 fine, 0.3 mm; cast: ISO 8062-3 grade 8, 1.6 mm; printed: usual filament printers, 1 mm."""
+
+
+def form_sd(text: str) -> float:
+    """Return the standard deviation of a made surface from its CAD [m].
+
+    Args:
+        text: length, or the name of a process in :data:`FORM_SDS`.
+    """
+    return FORM_SDS[text] if text in FORM_SDS else spread("--form-sd", False, text)
+
+
+def tip_radius(text: str) -> float:
+    """Return the radius of a probe's ball [m], or 0.
+
+    Args:
+        text: value as typed.
+
+    Raises:
+        InputError: the length is negative, or larger than 1 m.
+    """
+    value = io.readings.parse_length(text, "--tip-radius")
+    if not 0 <= value <= 1:
+        raise InputError(f"--tip-radius: expected a length of zero to 1 m, got '{text}'. Write it as 1.5mm.")
+    return value
+
+
+def tool_body(text: str) -> FloatArray:
+    """Return stylus, radius and length of a tool ``(3,)`` [m].
+
+    Args:
+        text: value as typed.
+
+    Raises:
+        InputError: the value is not three positive lengths.
+    """
+    import numpy as np
+
+    lengths = io.readings.parse_lengths(text, "--tool-body")
+    if len(lengths) != 3 or not (np.asarray(lengths) > 0).all():
+        raise InputError(
+            f"--tool-body: expected stylus, radius and length of the tool, got '{text}'. Write them as 50,30,150mm."
+        )
+    return np.asarray(lengths)
+
+
+def tilt(text: str) -> float:
+    """Return the largest tilt of a tool [rad].
+
+    Args:
+        text: value as typed.
+
+    Raises:
+        InputError: the angle is not between 0 and 180 degrees.
+    """
+    value = io.readings.parse_angle(text, "--tool-tilt")
+    if not 0 <= value <= math.pi + 1e-9:
+        raise InputError(f"--tool-tilt: expected an angle from 0 to 180 deg, got '{text}'. Write it as 30deg.")
+    return value
+
+
+def approach(text: str) -> tuple[Any, float]:
+    """Return a direction in the world ``(3,)`` and the largest angle to it [rad].
+
+    Args:
+        text: value as typed.
+
+    Raises:
+        InputError: the value is not a direction and an angle.
+    """
+    import numpy as np
+
+    words = text.replace(" ", "").split(",")
+    try:
+        values = [float(w.removesuffix("deg")) for w in words]
+    except ValueError:
+        values = []
+    if len(values) != 4 or not words[-1].endswith("deg") or not 0 <= values[3] <= 180 or not any(values[:3]):
+        raise InputError(
+            f"--approach: expected a direction in the world and the largest angle to it, got '{text}'. Write it as "
+            "0,0,-1,60deg."
+        )
+    return np.array(values[:3]), float(np.radians(values[3]))
+
+
 def tip(text: str) -> tuple[float, ...]:
     """Return the standard deviations of a tip's offset along x, y, z of the hand [m].
 

@@ -31,7 +31,7 @@ _TOLERANCE = 2e-3
 """Default tolerance of the example's session [m]."""
 
 _OF_SESSIONS = (
-    "bare", "tolerance", "feature", "standoff", "pose_prior", "prior", "outlier_rate", "unknown_prior", "image",
+    "bare", "goal", "feature", "standoff", "pose_prior", "prior", "outlier_rate", "unknown_prior", "image",
     "camera", "marks",
 )  # fmt: skip
 """Options that are refused with a record."""
@@ -117,7 +117,7 @@ def _example(
         yield scene, parts, options
         return
     with resources.as_file(resources.files("tanteo.bench.demo")) as folder:
-        chosen = replace(options, tolerance=options.tolerance or _TOLERANCE, units="mm")
+        chosen = replace(options, goal=options.goal or _TOLERANCE, units="mm")
         yield folder / "scene.toml", [str(folder / "parts")], chosen
 
 
@@ -131,7 +131,7 @@ def _play(path: str | Path, folders: Sequence[str], options: Options, port: int,
 
     def make(seed: int, policy: str) -> Show:
         with misuse(always=False):
-            return scene_show(replace(scene, seed=seed), start, options.stop(), policy, bare=bare)
+            return scene_show(replace(scene, seed=seed), start, options.stop(), policy, options.form_sd, bare=bare)
 
     seed = scene.seed if options.seed is None else options.seed
     with suppress(KeyboardInterrupt):

@@ -3,6 +3,7 @@ from . import context as context
 from . import discrimination as discrimination
 from . import execution as execution
 from . import explanation as explanation
+from . import following as following
 from . import measures as measures
 from . import places as places
 from . import policies as policies

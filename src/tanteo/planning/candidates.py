@@ -10,7 +10,7 @@ from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 from tanteo.planning.clearance import has_clearance
 from tanteo.planning.predictions import predict
-from tanteo.planning.probe import Probe
+from tanteo.planning.probe import Probe, nearest_in_cone
 from tanteo.planning.samples import draw
 from tanteo.planning.state import SensingState
 from tanteo.posterior import PreparedPart
@@ -161,7 +161,7 @@ def _stylus_free(
         probe: sensor model.
         tilt: largest tilt of the part [rad].
     """
-    up = -directions if probe.stylus is None else np.broadcast_to(probe.stylus, directions.shape)
+    up = probe.holders(directions)
     sides = SO3.frame_from_axis(up, 2)[..., :2]
     sides = np.concatenate([np.zeros((len(up), 3, 1)), sides, -sides], axis=-1).swapaxes(-1, -2)  # (n, 5, 3)
     rays = up[:, None] + np.tan(tilt) * sides
@@ -181,14 +181,16 @@ def within_cone(directions: Vectors, probe: Probe) -> Vectors:
         directions: unit directions, world frame ``(C, 3)``.
         probe: sensor model; without an approach cone all directions are allowed.
     """
-    if probe.approach is None:
-        return directions
-    a = probe.approach
-    along = directions @ a
-    across = directions - along[:, None] * a
-    length = np.linalg.norm(across, axis=1, keepdims=True)
-    beside = SO3.frame_from_axis(a, 2)[:, 0]  # opposite to the axis, all directions on the cone are equally near
-    across = np.where(length > 1e-9, across, beside)
-    length = np.where(length > 1e-9, length, 1.0)
-    edge = np.cos(probe.cone) * a + np.sin(probe.cone) * across / length
-    return np.where((along >= np.cos(probe.cone))[:, None], directions, edge)
+    if probe.axis_parallel:
+        return _along_axes(directions, probe)
+    return directions if probe.approach is None else nearest_in_cone(directions, probe.approach, probe.cone)
+
+
+def _along_axes(directions: Vectors, probe: Probe) -> Vectors:
+    """Return the axes of the world, among those in the approach cone, that are nearest to given directions."""
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    if probe.approach is not None:
+        axes = axes[axes @ probe.approach >= np.cos(probe.cone) - 1e-9]
+    if not len(axes):
+        return nearest_in_cone(directions, probe.approach, probe.cone) if probe.approach is not None else directions
+    return np.asarray(axes[np.argmax(directions @ axes.T, axis=1)])

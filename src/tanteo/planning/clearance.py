@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -16,6 +16,13 @@ from tanteo.posterior import PreparedPart, box_corners
 
 if TYPE_CHECKING:
     from tanteo.planning.candidates import Candidates
+
+Paths: TypeAlias = tuple[Vectors, FloatArray]
+"""Points of approach paths, and the space that each point needs beyond the clearance."""
+
+_STYLUS = 0.5
+"""Numerical: a sphere of a tool's body belongs to the stylus if its radius is at most this fraction above the ball's,
+because :func:`tanteo.machines.tool_body` widens the spheres of a chain until they enclose its cylinder."""
 
 _LEAST_PROBABILITY = 0.003
 """Smallest probability of a mode, given that a part is present, for which approaches must be clear."""
@@ -40,20 +47,24 @@ def has_clearance(state: SensingState, candidates: Candidates, probe: Probe, *, 
         probe: sensor model with its clearance [m].
         anywhere: whether the path must also be clear of sampled poses of every mode.
     """
-    path = _approach_paths(candidates, probe)
-    ok: BoolArray = np.all(probe.workspace.clearances(path)[0] >= probe.clearance, axis=(1, 2))
+    path, wider = _approach_paths(candidates, probe)
+    free = probe.workspace.clearances(path)[0].min(axis=-1, initial=np.inf) - wider
+    for surface in probe.obstacles:
+        free = np.minimum(free, surface.closest(path).distances - wider)
+    ok: BoolArray = np.all(free >= probe.clearance, axis=1)
     ok &= _clear_of_boxes(candidates, probe)
+    ok &= _clear_of_obstacles(candidates, probe)
     modes = np.flatnonzero(state.weights >= _LEAST_PROBABILITY * state.weights.sum())
     gaps = np.zeros((len(modes), *path.shape[:2]))
     for gap, k in zip(gaps, modes, strict=True):
         rows = np.flatnonzero(ok)
-        gap[rows] = _distances(state.target(int(k)), SE3.inverse(state.poses[k]), path[rows], probe)
+        gap[rows] = _distances(state.target(int(k)), SE3.inverse(state.poses[k]), path[rows], probe) - wider
         ok[rows] = gap[rows].min(axis=1) >= probe.clearance
-    return _clear_anywhere(state, modes, path, gaps, ok, probe) if anywhere else ok
+    return _clear_anywhere(state, modes, (path, wider), gaps, ok, probe) if anywhere else ok
 
 
 def _clear_anywhere(
-    state: SensingState, modes: IntArray, path: Vectors, gaps: FloatArray, ok: BoolArray, probe: Probe
+    state: SensingState, modes: IntArray, paths: Paths, gaps: FloatArray, ok: BoolArray, probe: Probe
 ) -> BoolArray:
     """Return flags of the paths that are also clear of sampled poses of all modes ``(C,)``.
 
@@ -66,7 +77,7 @@ def _clear_anywhere(
         clear = ok.copy()
         for gap, k, count in zip(gaps, modes, counts, strict=True):
             xi = spread * even_normals(int(count))
-            clear[clear] = _clear_of_draws(state, int(k), xi, path[clear], gap[clear], probe)
+            clear[clear] = _clear_of_draws(state, int(k), xi, (paths[0][clear], paths[1]), gap[clear], probe)
         if clear.sum() >= _ENOUGH * ok.sum():
             break
     return clear
@@ -93,7 +104,7 @@ def _clear_of_boxes(candidates: Candidates, probe: Probe) -> BoolArray:
 
 
 def _clear_of_draws(
-    state: SensingState, k: int, xi: FloatArray, path: Vectors, gaps: FloatArray, probe: Probe
+    state: SensingState, k: int, xi: FloatArray, paths: Paths, gaps: FloatArray, probe: Probe
 ) -> BoolArray:
     """Return flags of the paths that are clear of a mode's part at all sampled poses ``(n,)``.
 
@@ -101,18 +112,18 @@ def _clear_of_draws(
         state: posterior of the session.
         k: index of the mode.
         xi: perturbations in standard deviations ``(D, 6)``.
-        path: points of each path ``(n, P, 3)`` [m].
+        paths: points of each path ``(n, P, 3)``, and the space that they need beyond the clearance ``(P,)`` [m].
         gaps: distances of the points from the part at the mode's pose ``(n, P)`` [m].
         probe: sensor model with its clearance.
     """
-    target, T = state.target(k), state.poses[k]
+    (path, wider), target, T = paths, state.target(k), state.poses[k]
     values, vectors = np.linalg.eigh(state.covariances[k])
     Ts = T @ SE3.exp(xi @ (vectors * np.sqrt(values.clip(0.0))).T)
     corners = box_corners(target.part)
     farthest = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max()
     ok = np.ones(len(path), dtype=bool)
     rows, places = np.nonzero(gaps < probe.clearance + farthest)  # nothing moves farther than a corner of the box
-    least = _distances(target, SE3.inverse(Ts)[:, None], path[rows, places], probe).min(axis=0)
+    least = _distances(target, SE3.inverse(Ts)[:, None], path[rows, places], probe).min(axis=0) - wider[places]
     ok[rows[least < probe.clearance]] = False
     return ok
 
@@ -127,20 +138,45 @@ def clear_at(target: PreparedPart, T: Transforms, Ts: Transforms, candidates: Ca
         candidates: readings to check.
         probe: sensor model with its clearance [m].
     """
-    path = _approach_paths(candidates, probe)
-    gaps, corners = _distances(target, SE3.inverse(T), path, probe), box_corners(target.part)
+    path, wider = _approach_paths(candidates, probe)
+    gaps, corners = _distances(target, SE3.inverse(T), path, probe) - wider, box_corners(target.part)
     farthest = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max(axis=1)
     s, c, p = np.nonzero(gaps < probe.clearance + farthest[:, None, None])
-    near = _distances(target, SE3.inverse(Ts[s]), path[c, p], probe) < probe.clearance
+    near = _distances(target, SE3.inverse(Ts[s]), path[c, p], probe) - wider[p] < probe.clearance
     ok = np.ones((len(Ts), len(candidates)), dtype=bool)
     ok[s[near], c[near]] = False
     return ok
 
 
-def _approach_paths(candidates: Candidates, probe: Probe) -> Vectors:
-    """Return points on the approach paths, from the start back to the retreat, world frame ``(C, P, 3)`` [m]."""
+def _approach_paths(candidates: Candidates, probe: Probe) -> Paths:
+    """Return points on the approach paths, and the space that each needs beyond the clearance.
+
+    The points are those of the ball from the start back to the retreat. A tool with a body adds the centres of its
+    spheres at the contact, the start and the retreat; those of the stylus are checked by rays.
+
+    Returns:
+        Points, world frame ``(C, P, 3)`` [m], and lengths, negative where less space is needed ``(P,)`` [m].
+    """
     back = np.linspace(0.0, probe.retreat, _STEPS if probe.stylus is None else _BESIDE_WALLS)
-    return candidates.origins[:, None] + back[:, None] * _retreat_directions(candidates, probe)[:, None]
+    path = candidates.origins[:, None] + back[:, None] * _retreat_directions(candidates, probe)[:, None]
+    if probe.body is None:
+        return path, np.zeros(len(back))
+    tool = probe.body.radii > probe.radius * (1 + _STYLUS)
+    depths, radii = -probe.body.centres[tool, 2], probe.body.radii[tool]
+    places = np.stack([candidates.aims, path[:, 0], path[:, -1]], axis=1)
+    spheres = places[:, :, None] + depths[:, None] * probe.holders(candidates.directions)[:, None, None]
+    spheres = spheres.reshape(len(path), -1, 3)
+    wider = np.tile(radii - probe.clearance, places.shape[1])
+    return np.concatenate([path, spheres], axis=1), np.concatenate([np.zeros(len(back)), wider])
+
+
+def _clear_of_obstacles(candidates: Candidates, probe: Probe) -> BoolArray:
+    """Return flags of the candidates whose motion to the aim does not meet a known surface ``(C,)``."""
+    ok = np.ones(len(candidates), dtype=bool)
+    for surface in probe.obstacles:
+        ok &= surface.cast(candidates.origins, candidates.directions).distances > candidates.ranges
+        ok &= surface.closest(candidates.aims).distances >= probe.radius
+    return ok
 
 
 def _retreat_directions(candidates: Candidates, probe: Probe) -> Vectors:

@@ -7,17 +7,23 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.errors import InputError, check_kind
+from tanteo.geometry import SO3
 from tanteo.geometry.limits import LARGEST, LEAST_SD
 from tanteo.geometry.typing import BoolArray, FloatArray, Vectors
-from tanteo.hand import Workspace
+from tanteo.hand import Body, Workspace
+from tanteo.parts import Surface
 from tanteo.sensors.presets import NoiseLaw, RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.values import Value, lock
 
 _POSITIVE = ("max_range", "standoff", "clearance", "retreat", "speed")
 _NOT_NEGATIVE = (
     "beam_half_angle", "shared_sd", "repeat_sd", "base_sds", "farthest", "cone", "seconds", "min_range", "radius",
+    "form_sd", "tilt",
 )  # fmt: skip
 """Fields of a probe that must not be negative."""
+
+_UP = np.array([0.0, 0.0, 1.0])
+"""Direction from the ball to the holder of an upright tool."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -51,6 +57,12 @@ class Probe(Value):
         min_range: smallest range with an echo [m].
         radius: radius of the ball at its tip [m]; a reading is the centre of the stopped ball. It is 0 for a point or a
             beam.
+        form_sd: standard deviation of the made part's surface from its CAD [m].
+        tilt: largest angle between the holder of a stylus that points along the motion and the vertical [rad].
+        axis_parallel: whether motions are parallel to an axis of the world, as those of a milling machine.
+        body: spheres of stylus and tool, in the frame of the probe: origin at the ball's centre, z along the stylus,
+            away from the holder. None for the stylus and the clearance alone.
+        obstacles: known surfaces in the world, such as a fixture, of which the approach must be clear.
 
     Example:
         >>> probe = tanteo.probe_of("keyence_il300", standoff=0.3)
@@ -80,6 +92,11 @@ class Probe(Value):
     seconds: float = 2.0
     min_range: float = 0.0
     radius: float = 0.0
+    form_sd: float = 0.0
+    tilt: float = np.pi
+    axis_parallel: bool = False
+    body: Body | None = None
+    obstacles: tuple[Surface, ...] = ()
 
     def __post_init__(self) -> None:
         for n in _POSITIVE:
@@ -142,6 +159,16 @@ class Probe(Value):
             d = d / np.linalg.norm(d)
         return np.asarray(d)
 
+    def holders(self, directions: Vectors) -> Vectors:
+        """Return the unit directions from the ball to its holder for motions along given directions ``(C, 3)``.
+
+        Args:
+            directions: unit directions of the motions, world frame ``(C, 3)``.
+        """
+        if self.stylus is not None:
+            return np.broadcast_to(self.stylus, directions.shape)
+        return nearest_in_cone(-directions, _UP, self.tilt)
+
     @property
     def standoffs(self) -> FloatArray:
         """Possible stand-offs, evenly spread from the nearest to the farthest ``(n,)`` [m]."""
@@ -179,7 +206,7 @@ class Probe(Value):
             ranges: true ranges ``(*batch,)`` [m].
             cosines: cosines of the incidence, positive ``(*batch,)``.
         """
-        along, repeat2 = self.law.sigma(ranges) ** 2, self.repeat_sd**2
+        along, repeat2 = self.law.sigma(ranges) ** 2, self.repeat_sd**2 + self.form_sd**2
         if self.contact:
             return np.asarray((along + repeat2) / cosines**2)
         return np.asarray(along + self.cone_variance(ranges, cosines) + repeat2 / cosines**2)
@@ -202,6 +229,24 @@ class Probe(Value):
         """
         within = (ranges >= self.min_range) & (ranges <= self.max_range)
         return np.asarray(within & (cosines >= np.cos(self.max_incidence)))
+
+
+def nearest_in_cone(directions: Vectors, axis: Vectors, angle: float) -> Vectors:
+    """Return the unit directions within a cone that are nearest to given ones ``(C, 3)``.
+
+    Args:
+        directions: unit directions ``(C, 3)``.
+        axis: unit axis of the cone ``(3,)``.
+        angle: half angle of the cone [rad].
+    """
+    along = directions @ axis
+    across = directions - along[:, None] * axis
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    beside = SO3.frame_from_axis(axis, 2)[:, 0]  # opposite to the axis, all directions on the cone are equally near
+    across = np.where(length > 1e-9, across, beside)
+    length = np.where(length > 1e-9, length, 1.0)
+    edge = np.cos(angle) * axis + np.sin(angle) * across / length
+    return np.where((along >= np.cos(angle))[:, None], directions, edge)
 
 
 def probe_of(preset: SensorPreset | str | float, robot: RobotPreset | str | None = None, **where: object) -> Probe:

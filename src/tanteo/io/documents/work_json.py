@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tanteo import __version__
-from tanteo.io.documents.result_json import covariance_document, document_json
+from tanteo.io.documents.result_json import covariance_document, document_json, finding_document
 
 if TYPE_CHECKING:
     from tanteo.features import Feature
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from tanteo.parts.faces import RoundFeature
     from tanteo.planning import Plan
     from tanteo.planning.discrimination import Discrimination
+    from tanteo.planning.following import NextReading
+    from tanteo.posterior import Answer
+    from tanteo.words import Finding
 
 
 def part_json(part: Part) -> str:
@@ -206,3 +209,34 @@ def _size(feature: Feature) -> dict[str, Any]:
     unit = "m" if feature.kind.size_name == "radius" else "rad"
     sd = math.sqrt(float(relate_size(feature).covariance[0, 0]))
     return {f"{name}_{unit}": size.value, f"{name}_sd_{unit}": sd, "convex": size.convex}
+
+
+def next_document(answer: Answer, found: NextReading | Finding | None, program: str | None) -> dict[str, Any]:
+    """Return the next reading after an answer as a dictionary (``tanteo.next/1``).
+
+    Args:
+        answer: the answer.
+        found: result of :func:`tanteo.planning.following.next_reading`.
+        program: probing program of the reading; None if none was requested.
+    """
+    from tanteo.planning.following import NextReading  # slow to import
+
+    document: dict[str, Any] = {
+        "schema": "tanteo.next/1", "version": __version__, "status": answer.status, "message": answer.message,
+        "next": None, "reason": None,
+    }  # fmt: skip
+    if isinstance(found, NextReading):
+        one = found.finding
+        document["next"] = {
+            "part": one.part, "face": one.face, "start_m": one.start, "point_m": one.point,
+            "direction": one.direction, "radius_m": found.action.radius, "expected_m": found.action.expected,
+            "max_range_m": found.action.max_range, "gain_nats": one.gain, "clear": one.clear,
+            "hypotheses": [
+                {"part": e.part, "probability": e.probability, "face": e.face or None, "distance_m": e.distance,
+                 "sd_m": e.sd}
+                for e in one.expected
+            ],
+        }  # fmt: skip
+    elif found is not None:
+        document["reason"] = finding_document(found)
+    return document if program is None else document | {"program": program}

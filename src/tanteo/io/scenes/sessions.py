@@ -73,7 +73,7 @@ def start_of(
 
 
 def session_of(
-    scene: SceneFile, start: Start, stop: Stop, policy: str = "information"
+    scene: SceneFile, start: Start, stop: Stop, policy: str = "information", form_sd: float = 0.0
 ) -> tuple[Session, SimulatedHand, Rules]:
     """Create a session, the simulated hand that carries it out, and the limits of its motions.
 
@@ -84,15 +84,16 @@ def session_of(
         start: initial poses of the parts.
         stop: stopping rule.
         policy: name of the policy that chooses actions.
+        form_sd: standard deviation of the part's surface from its CAD [m].
     """
     occluders = [ForbiddenBox(f"occluder {b.name}", b.low, b.high, b.T_world_box) for b in scene.occluders]
     w = scene.workspace
     rules = Rules(clearance=scene.clearance, workspace=Workspace(w.low, w.high, [*w.forbidden, *occluders]))
     errors = scene.cell.robot
-    probe = hand_probe(scene.hand, rules, scene.standoff, errors)
+    probe = replace(hand_probe(scene.hand, rules, scene.standoff, errors), form_sd=form_sd)
     session = Session(
-        start, probe, Sensing(rig=scene.hand.rig, robot=errors), policy_named(policy), stop, scene.seed,
-        reachable(scene.hand, rules, probe.retreat), acquirable(scene.hand, rules, probe.retreat),
+        start, probe, Sensing(rig=scene.hand.rig, robot=errors, tolerance=form_sd), policy_named(policy), stop,
+        scene.seed, reachable(scene.hand, rules, probe.retreat), acquirable(scene.hand, rules, probe.retreat),
     )  # fmt: skip
     rng = np.random.default_rng(scene.seed)
     return session, SimulatedHand(scene.scene, scene.hand, scene.T_world_hand, rng=rng, cell=scene.cell), rules

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from tanteo.hand.simulator import Scene
 from tanteo.io.documents import SceneFile
 from tanteo.io.scenes import furniture_of, session_of
@@ -10,7 +12,9 @@ from tanteo.planning.start import Start
 from tanteo.render.live.shows import Show, hand_show, laser, probe_show, simulated
 
 
-def scene_show(scene: SceneFile, start: Start, stop: Stop, policy: str = "information", *, bare: bool = False) -> Show:
+def scene_show(
+    scene: SceneFile, start: Start, stop: Stop, policy: str = "information", form_sd: float = 0.0, *, bare: bool = False
+) -> Show:
     """Return the show of a scene.
 
     Args:
@@ -18,14 +22,16 @@ def scene_show(scene: SceneFile, start: Start, stop: Stop, policy: str = "inform
         start: prior poses of the parts.
         stop: goal of the session.
         policy: name of the policy.
+        form_sd: standard deviation of the part's surface from its CAD [m].
         bare: whether a laser without motion replaces the hand.
     """
     truth = tuple(s for s in scene.scene.solids if s not in scene.furniture)
     if bare:
         probe, sensing = laser(scene.workspace)
+        probe, sensing = replace(probe, form_sd=form_sd), replace(sensing, tolerance=form_sd)
         session = Session(start, probe, sensing, policy_named(policy), stop, scene.seed)
         furniture = Scene.of(scene.furniture).surface if scene.furniture else None
         read = simulated(Scene.of(truth).surface, furniture, scene.seed)
         return probe_show(session, read, truth, scene.furniture)
-    session, robot, rules = session_of(scene, start, stop, policy)
+    session, robot, rules = session_of(scene, start, stop, policy, form_sd)
     return hand_show(session, robot, rules, truth, scene.furniture, furniture_of(scene), scene.cell.robot)

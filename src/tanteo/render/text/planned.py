@@ -6,12 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tanteo.planning.following import NextReading
 from tanteo.render.text.layout import PLAIN, Layout, printable
+from tanteo.words import headline_of
+from tanteo.words.figures import percent
 
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray, Vectors
     from tanteo.planning import Plan, Probe
     from tanteo.planning.discrimination import Discrimination
+    from tanteo.posterior import Answer
+    from tanteo.words import Finding
 
 
 def plan_lines(
@@ -85,4 +90,43 @@ def distinction_lines(found: Discrimination, *, layout: Layout = PLAIN) -> list[
             ),
             f"  information {found.information / np.log(2):.0%} of a complete decision between them",
         ]
+    return lines
+
+
+_SHOWN = 6
+"""Largest number of hypotheses whose expected readings are listed."""
+
+
+def next_lines(answer: Answer, found: NextReading | Finding | None, *, layout: Layout = PLAIN) -> list[str]:
+    """Return the next reading after an answer as lines of text.
+
+    Args:
+        answer: the answer.
+        found: result of :func:`tanteo.planning.following.next_reading`.
+        layout: width and style of the output.
+    """
+    head = layout.bold(printable(f"{answer.status}: {headline_of(answer.findings)}"))
+    if not isinstance(found, NextReading):
+        if found is None and answer.status == "recognized":
+            return [head, "No further reading is needed for the status; --goal 0.5mm asks for an accuracy."]
+        return [head, printable(found.message if found is not None else answer.message)]
+    one, step = found.action, found.finding
+    place, start = (", ".join(f"{1e3 * v:.2f}" for v in point) for point in (step.point, step.start))
+    along = ", ".join(f"{round(v, 4) + 0.0:.4f}" for v in step.direction)
+    lines = [
+        head,
+        printable(f"Next: {step.face} of {step.part}"),
+        f"  point       {place} mm (world)",
+        f"  start       {start} mm",
+        f"  direction   {along}",
+        f"  gain        {one.gain:.2f} nats",
+        "  expected distance from the start to the contact" + (", of the ball's centre:" if one.radius else ":"),
+    ]
+    for e in step.expected[:_SHOWN]:
+        where = f"{1e3 * e.distance:8.2f} +- {1e3 * e.sd:.2f} mm on {e.face}" if e.face else "    nothing hit"
+        lines.append(printable(f"    {where}, if it is {e.part} with {percent(e.probability)}"))
+    if len(step.expected) > _SHOWN:
+        lines.append(f"    {len(step.expected) - _SHOWN} less probable hypotheses are not listed.")
+    if not step.clear:
+        lines.append("  The part may be in the path, because its pose is very uncertain: approach slowly.")
     return lines

@@ -21,11 +21,13 @@ class Finding:
         kind: name of the kind in documents and records.
         role: role of the finding in an answer.
         subject: part of the input that a question requests the user to check; empty for other findings.
+        names_step: whether the finding names the next step exactly, which replaces the advice of the verdict.
     """
 
     kind: ClassVar[str]
     role: ClassVar[Role] = "cause"
     subject: ClassVar[str] = ""
+    names_step: ClassVar[bool] = False
 
     @property
     def message(self) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from tanteo.words.findings.base import Finding
+from tanteo.words.findings.base import Finding, Role
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +76,53 @@ class ChosenByUser(Finding):
     """The user chose the reading."""
 
     kind: ClassVar[str] = "chosen_by_user"
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedReading:
+    """Reading that one hypothesis expects.
+
+    Attributes:
+        part: name of the hypothesis' part.
+        probability: probability of the hypothesis.
+        face: name of the face that is hit; empty for a miss.
+        distance: distance from the start to the contact [m]; infinite for a miss.
+        sd: standard deviation of the distance from pose and sensor [m]; NaN for a miss.
+    """
+
+    part: str
+    probability: float
+    face: str
+    distance: float
+    sd: float
+
+
+@dataclass(frozen=True, slots=True)
+class NextTouch(Finding):
+    """The reading with the most information about an answer that is not decided.
+
+    Attributes:
+        part: name of the part at which the reading aims.
+        face: name of the aimed face.
+        start: start of the motion or beam, world frame [m].
+        point: point where the approach is expected to reach the surface, world frame [m].
+        direction: unit direction of the approach, world frame.
+        gain: expected information [nats].
+        expected: reading that each hypothesis expects, in their order.
+        clear: whether the approach is clear of the part wherever it may be.
+    """
+
+    kind: ClassVar[str] = "next_touch"
+    role: ClassVar[Role] = "advice"
+    names_step: ClassVar[bool] = True
+    part: str
+    face: str
+    start: tuple[float, ...]
+    point: tuple[float, ...]
+    direction: tuple[float, ...]
+    gain: float
+    expected: tuple[ExpectedReading, ...]
+    clear: bool = True
 
 
 REASONS: dict[str, type[Finding]] = {

@@ -47,6 +47,7 @@ def _split(findings: Iterable[Finding]) -> tuple[str, list[str]]:
     found = tuple(findings)
     subject = next((one.subject for one in found if one.subject), "")
     first = next((one for one in found if one.role == "verdict"), None)
+    exact = any(one.names_step for one in found)
     headline, details = "", []
     for one in found:
         if one.role == "question":
@@ -56,5 +57,7 @@ def _split(findings: Iterable[Finding]) -> tuple[str, list[str]]:
             headline = text
         else:
             details.append(text)
+        if exact and one is first and not subject:
+            continue
         details.append(f"Check {subject} first." if subject and one.role == "verdict" and advice else advice)
     return headline, [text for text in details if text]

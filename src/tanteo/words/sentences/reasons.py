@@ -43,3 +43,11 @@ def _(one: f.Rule321) -> Words:
 @words_of.register
 def _(one: f.ChosenByUser) -> Words:
     return "You chose it.", ""
+
+
+@words_of.register
+def _(one: f.reasons.NextTouch) -> Words:
+    place = ", ".join(f"{1e3 * v:.1f}" for v in one.point)
+    along = ", ".join(f"{round(v, 2) + 0.0:.2f}" for v in one.direction)
+    slowly = "" if one.clear else " Approach slowly: the part may be in the path."
+    return "", f"Sense {one.face} of {one.part} next, at ({place}) mm along ({along}) in the world.{slowly}"

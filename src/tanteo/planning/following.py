@@ -1,0 +1,171 @@
+"""Next reading after an answer: where to sense so that an ambiguous or insufficient answer becomes decided.
+
+The hypotheses of the answer are the state of a session, and the policy of sessions chooses the reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.geometry.limits import LEAST_SD
+from tanteo.geometry.typing import Covariances, Transforms
+from tanteo.parts import Part
+from tanteo.planning.candidates import propose
+from tanteo.planning.context import DecisionContext
+from tanteo.planning.plans import Plan, PlannedReading
+from tanteo.planning.policies import POLICIES
+from tanteo.planning.predictions import predict
+from tanteo.planning.probe import Probe
+from tanteo.planning.samples import draw
+from tanteo.planning.session.action import Action
+from tanteo.planning.session.questions import action_of
+from tanteo.planning.start import Start, from_hypotheses
+from tanteo.planning.state import begin
+from tanteo.planning.stopping import chance_within
+from tanteo.posterior import Answer, Hypothesis, Priors
+from tanteo.words.findings import GoalReached, NoPlaceReached
+from tanteo.words.findings.reasons import ExpectedReading, NextTouch
+
+_CANDIDATES = 500
+"""Number of candidates, as in a session."""
+
+_SDS, _LEAST_OVERTRAVEL = 3.0, 2e-3
+"""Standard deviations of the farthest contact, and smallest search distance beyond the expected one [m]."""
+
+_REACHED = 0.95
+"""Probability of the goal at which no further reading is needed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NextReading:
+    """Reading that an answer lacks, and what each hypothesis expects of it.
+
+    Attributes:
+        action: reading to make: start, direction, face and expected information.
+        finding: the same as a typed finding, with the expected reading of each hypothesis.
+        T_world_part: pose of the part at which the reading aims ``(4, 4)``.
+        covariance: covariance of that pose, part frame ``(6, 6)`` [m, rad].
+
+    Example:
+        >>> part = tanteo.read_part("parts/block.step")
+        >>> answer = tanteo.locate(tanteo.read_readings("readings/too_few.csv"), part)
+        >>> from tanteo.planning.following import next_reading
+        >>> next_reading(answer, [part], tanteo.probe_of(1e-4)) is None
+        True
+    """
+
+    action: Action
+    finding: NextTouch
+    T_world_part: Transforms
+    covariance: Covariances
+
+    @property
+    def overtravel(self) -> float:
+        """Distance beyond the expected contact within which every hypothesis expects a contact [m]."""
+        ends = [e.distance + _SDS * e.sd for e in self.finding.expected if np.isfinite(e.distance)]
+        farthest = min(max(ends, default=0.0), self.action.max_range)
+        return float(max(farthest - self.action.expected, _LEAST_OVERTRAVEL))
+
+    @property
+    def plan(self) -> Plan:
+        """The reading as a plan with one touch, for a probing program."""
+        one, nan = self.action, float("nan")
+        reading = PlannedReading(
+            one.origin, one.direction, np.array(self.finding.point), one.face, self.covariance, nan, nan, nan, 1.0
+        )
+        return Plan(one.part, self.T_world_part, (reading,), nan, False, (self.finding,))
+
+
+def next_reading(
+    answer: Answer, parts: Sequence[Part], probe: Probe, goal: float | None = None, seed: int = 0
+) -> NextReading | NoPlaceReached | GoalReached | None:
+    """Return the reading with the most information about an answer's hypotheses.
+
+    Without a goal, an ambiguous answer needs a reading that discriminates its hypotheses, and an insufficient one a
+    reading of the motion that is free. The approach is clear of the part at every hypothesis that matters.
+
+    Args:
+        answer: answer of :func:`tanteo.identify` or :func:`tanteo.locate`; with more hypotheses (``top``) fewer poses
+            are neglected.
+        parts: candidate parts of the answer.
+        probe: model of the sensor, with the limits of its approach.
+        goal: largest allowed displacement of the part's corners [m], beyond which accuracy has no value; None for the
+            status alone.
+        seed: seed of the candidate positions.
+
+    Returns:
+        The reading; the finding that no place can be reached, or that the goal is reached; or None if the answer has no
+        hypothesis, or the object is none of the parts.
+
+    Raises:
+        InputError: the goal is not a positive length, or a part of the answer is missing.
+    """
+    if goal is not None and not (np.isfinite(goal) and goal >= LEAST_SD):
+        raise InputError(f"goal: expected a length of {LEAST_SD:g} m or more, got {goal:g} m. Use 0.5e-3.")
+    if not answer.hypotheses or answer.status == "unknown":
+        return None
+    if goal is not None and answer.status == "recognized":
+        within = chance_within(begin(_start(answer, parts, relative=False)), goal)
+        if within >= _REACHED:
+            return GoalReached(answer.hypotheses[0].part, tolerance=goal, within=within)
+    start = _start(answer, parts)
+    state = begin(start)
+    candidates = propose(state, probe, _CANDIDATES, seed)
+    clear = bool(len(candidates))
+    if not clear:  # very uncertain poses leave no path that is clear of all of them
+        candidates = propose(state, probe, _CANDIDATES, seed, anywhere=False)
+    names = tuple(target.part.name for target in start.targets)
+    if not len(candidates):
+        return NoPlaceReached(names)
+    open_part = len(start.targets) > 1
+    enough = goal
+    if goal is None and answer.status == "ambiguous":  # only the choice among the hypotheses has a value
+        enough = max(target.part.diagonal for target in start.targets)
+    context = DecisionContext(state, candidates, probe, None, enough, 0, seed, part_open=open_part)
+    choice = POLICIES["information"].choose(context)
+    action = action_of(context, choice, 1)
+    finding = NextTouch(
+        action.part, action.face, tuple(map(float, action.origin)), tuple(map(float, candidates.aims[choice.index])),
+        tuple(map(float, action.direction)), action.gain, _expected(start, action, probe), clear,
+    )  # fmt: skip
+    mode = int(candidates.mode[choice.index])
+    return NextReading(action, finding, state.poses[mode], state.covariances[mode])
+
+
+def _start(answer: Answer, parts: Sequence[Part], *, relative: bool = True) -> Start:
+    """Return the hypotheses as prior poses, by default without errors that a further reading shares."""
+    named = {(h.part, h.file) for h in answer.hypotheses}
+    some = [part for part in parts if (part.name, part.source) in named]
+    hypotheses = [_relative(h) if relative else h for h in answer.hypotheses if h.probability > 0]
+    unknown = float(np.clip(answer.unknown_probability, LEAST_SD, 0.5))
+    return from_hypotheses(hypotheses, some, Priors(unknown=unknown))
+
+
+def _relative(one: Hypothesis) -> Hypothesis:
+    return one if one.covariance_relative is None else replace(one, covariance=one.covariance_relative)
+
+
+def _expected(start: Start, action: Action, probe: Probe) -> tuple[ExpectedReading, ...]:
+    """Return what each hypothesis expects of the reading."""
+    state = begin(start)
+    here = draw(state, 1)  # the mean of every mode
+    seen = predict(here, action.origin[None], action.direction[None], probe)
+    found = []
+    for mode, weight in enumerate(state.weights):
+        rows = np.flatnonzero(here.mode == mode)
+        if not len(rows):
+            continue
+        k = int(rows[0])
+        distance, cosine = float(seen.ranges[0, k]), float(seen.cosines[0, k])
+        part = state.target(mode).part
+        if not (np.isfinite(distance) and 0 <= distance <= probe.max_range and cosine > 0):
+            found.append(ExpectedReading(part.name, float(weight), "", float("inf"), float("nan")))
+            continue
+        own = probe.own_variance(np.array(max(distance, 0.0)), np.array(cosine)) + seen.scatter[0, k]
+        sd = float(np.sqrt(seen.spreads[0, k] + own))
+        found.append(ExpectedReading(part.name, float(weight), part.faces[int(seen.faces[0, k])].name, distance, sd))
+    return tuple(found)
