@@ -20,7 +20,7 @@ SD = 5e-5
 
 
 def six_touches(part, rng):
-    """Touches of the 3-2-1 rule at random places of a part at a random yaw; gives the pose and the readings."""
+    """Return the pose of a part at a random yaw, and touches of the 3-2-1 rule at random places."""
     T = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)])), rng.uniform(-0.2, 0.2, 3))
     surface, (low, high) = Surface(part.vertices, part.triangles), part.box
     points, directions = [], []
@@ -38,7 +38,7 @@ def six_touches(part, rng):
 
 
 def made(action, part, T, rng):
-    """The reading that results from an action."""
+    """Return the reading that results from an action."""
     surface, d = Surface(part.vertices, part.triangles), action.direction @ T[:3, :3]
     distance = surface.cast(SE3.apply(SE3.inverse(T), action.origin)[None], d[None]).distances[0]
     return action.read(distance + rng.normal(0, SD) if np.isfinite(distance) else np.inf, SD, name="seventh")

@@ -12,8 +12,8 @@ from sensing_scenes import LASER, as_rows, drawn_truth, new_session, of_plan, ro
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.parts import named_feature, read_part
-from tanteo.planning import Probe, Session, Stop, begin, check_feature, plan
-from tanteo.planning.places import places_of
+from tanteo.planning import Probe, Session, Stop, begin, plan
+from tanteo.planning.places import check_feature, places_of
 from tanteo.planning.samples import draw
 from tanteo.planning.start import at_pose
 from tanteo.planning.stopping import chance_within

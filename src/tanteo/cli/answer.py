@@ -42,8 +42,8 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     sources += [("--camera", camera) for camera in options.camera or ()]
     sources += [("--factor", text.partition("=")[2]) for text in options.factor or ()]
     files.check_different(("--report", options.report), inputs=sources, parts=parts)
-    asked = ask(readings, parts, options, file, known, top=options.top, as_published=options.as_published)
-    given, result, loaded = asked.given, asked.answer, asked.loaded - start
+    reply = ask(readings, parts, options, file, known, top=options.top, as_published=options.as_published)
+    given, result, loaded = reply.given, reply.answer, reply.loaded - start
     if not options.as_published:
         result = _with_next(result, given, options, known)
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
@@ -55,7 +55,7 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
         from tanteo.recognition import Query
 
         before = time.perf_counter()
-        result = _questioned(result, given, Query(**asked.chosen), placed=known is not None)
+        result = _questioned(result, given, Query(**reply.chosen), placed=known is not None)
         result = posterior.answers.with_elapsed(result, conventions=time.perf_counter() - before)
     if options.json:
         print_answer(result, as_json=True, more=words.document(result, given.parts) if words else {})
@@ -66,7 +66,7 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     leave(decided=result.status == "recognized")
 
 
-class Asked(NamedTuple):
+class Reply(NamedTuple):
     """Answer of a command, with its inputs.
 
     Attributes:
@@ -91,7 +91,7 @@ def ask(
     *,
     top: int,
     as_published: bool = False,
-) -> Asked:
+) -> Reply:
     """Read all files of a question, and answer it.
 
     Args:
@@ -124,7 +124,7 @@ def ask(
     }  # fmt: skip
     with misuse(always=False):
         answer = identify(given.readings, given.parts, **chosen, top=top, as_published=as_published, conventions=False)
-    return Asked(given, chosen, answer, loaded)
+    return Reply(given, chosen, answer, loaded)
 
 
 def _with_next(

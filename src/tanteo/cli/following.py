@@ -56,8 +56,8 @@ def next_reading(
 
     known = typed.read_known(options.table, options.box, options.pose_prior, options.prior)
     paths = options.parts or [options.part or ""]
-    asked = ask(readings, paths, options, file, known, top=_HYPOTHESES)
-    answer, given = asked.answer, asked.given
+    reply = ask(readings, paths, options, file, known, top=_HYPOTHESES)
+    answer, given = reply.answer, reply.given
     with misuse():
         probe = probe_for(given, options, reach, known, program)
     found = None

@@ -29,7 +29,7 @@ _CONFIDENCE, _MOST = 0.95, 30
 
 
 def _feature(name: str) -> str:
-    from tanteo.planning import check_feature
+    from tanteo.planning.places import check_feature
 
     check_feature(name)
     return name

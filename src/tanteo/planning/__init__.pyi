@@ -26,7 +26,6 @@ from .execution.resting import Furniture as Furniture
 from .execution.start import hand_probe as hand_probe
 from .explanation import explain as explain
 from .feature_candidates import features as features
-from .places import check_feature as check_feature
 from .plans import Plan as Plan
 from .plans import PlannedReading as PlannedReading
 from .plans import plan as plan

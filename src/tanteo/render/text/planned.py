@@ -108,7 +108,7 @@ def next_lines(answer: Answer, found: NextReading | Finding | None, *, layout: L
     head = layout.bold(printable(f"{answer.status}: {headline_of(answer.findings)}"))
     if not isinstance(found, NextReading):
         if found is None and answer.status == "recognized":
-            return [head, "No further reading is needed for the status; --goal 0.5mm asks for an accuracy."]
+            return [head, "No further reading is needed for the status; --goal 0.5mm states a required accuracy."]
         return [head, printable(found.message if found is not None else answer.message)]
     one, step = found.action, found.finding
     place, start = (", ".join(f"{1e3 * v:.2f}" for v in point) for point in (step.point, step.start))
