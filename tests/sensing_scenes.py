@@ -11,7 +11,8 @@ from tanteo import _core
 from tanteo.errors import InputError
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
-from tanteo.planning import Action, Done, Probe, Sensing, SensingState, Session, Stop, at_place, policy_named
+from tanteo.planning import Action, Done, Probe, Sensing, SensingState, Session, Stop, at_place
+from tanteo.planning.policies import policy_named
 from tanteo.planning.stopping import corner_distances
 from tanteo.posterior import Posterior, Priors, Problem
 from tanteo.posterior.answers import corner_moves

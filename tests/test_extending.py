@@ -37,10 +37,10 @@ from tanteo.machines.programs import PROGRAMS, write_program
 from tanteo.machines.protocol import RefusedError
 from tanteo.parts import Surface
 from tanteo.parts.readers import CAD_READERS
-from tanteo.planning import POLICIES, Probe, Sensing, begin, policy_named
+from tanteo.planning import POLICIES, Probe, Sensing, begin
 from tanteo.planning.candidates import propose
 from tanteo.planning.context import DecisionContext
-from tanteo.planning.policies import register_utility
+from tanteo.planning.policies import policy_named, register_utility
 from tanteo.planning.utility import UTILITIES
 from tanteo.plugins import PluginWarning
 from tanteo.posterior import identify_points

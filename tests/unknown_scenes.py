@@ -11,8 +11,9 @@ from tanteo.geometry import SE3, SO3
 from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.hand.motion import Rules
 from tanteo.hand.simulator import Cell, Scene, SimulatedHand, Solid, box, clearances
-from tanteo.planning import Furniture, Sensing, Session, Stop, at_place, hand_probe, policy_named
+from tanteo.planning import Furniture, Sensing, Session, Stop, at_place, hand_probe
 from tanteo.planning.execution import reachable
+from tanteo.planning.policies import policy_named
 from tanteo.planning.start import Start
 from tanteo.planning.stopping import corner_distances
 

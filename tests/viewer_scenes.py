@@ -11,7 +11,8 @@ from tanteo.geometry import SE3, SO3
 from tanteo.hand import Workspace
 from tanteo.hand.simulator import Scene, Solid, box
 from tanteo.parts import read_part
-from tanteo.planning import Session, Stop, at_place, policy_named
+from tanteo.planning import Session, Stop, at_place
+from tanteo.planning.policies import policy_named
 from tanteo.posterior import prepare
 from tanteo.render.live import HELP, YOUR_TURN, laser, probe_show, simulated
 

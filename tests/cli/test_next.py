@@ -56,3 +56,46 @@ def test_an_undecided_answer_names_the_next_reading(run):
 def test_part_or_parts_must_be_named(run, more):
     typed = FEW if more else FEW[:1]
     assert run("next", *typed, *more).code == 2
+
+
+def test_a_needed_accuracy_passes_or_fails(run):
+    passed = run("locate", *DECIDED[:1], "--part", EXAMPLES / "parts" / "bracket_left.step", "--need", "0.5mm")
+    assert passed.code == 0
+    assert "needed accuracy is reached" in passed.out
+    missed = run("identify", *DECIDED, "--need", "0.05mm", "--wcs", "G54")
+    assert missed.code == 3
+    assert "NOT reached" in missed.err
+    assert "G10" not in missed.out
+
+
+def test_a_frame_states_its_error(run):
+    got = run("identify", *DECIDED, "--wcs", "linuxcnc:G54", "--accept-turn-lost")
+    assert "farthest corner within" in got.out
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1 / 25.4, "inches"), (1e-3, "m")])
+def test_a_wrong_unit_is_named_and_refuses_frames(run, tmp_path, factor, unit):
+    rows = [r for r in DECIDED[0].read_text().splitlines() if not r.startswith("#")]
+    cells = [r.split(",")[:-1] for r in rows]  # without sd_mm
+    for row in cells[1:]:
+        row[1:4] = [f"{float(v) * factor:.7f}" for v in row[1:4]]
+    path = tmp_path / "r.csv"
+    path.write_text("\n".join(",".join(row) for row in cells) + "\n")
+    got = run("locate", path, "--part", EXAMPLES / "parts" / "bracket_left.step", "--wcs", "G54")
+    assert unit in got.err
+    assert got.code == 3
+    assert "G10" not in got.out
+
+
+def test_a_forgotten_radius_refuses_frames(run, tmp_path):
+    rows = [r for r in DECIDED[0].read_text().splitlines() if not r.startswith("#")]
+    cells = [r.split(",") for r in rows]
+    for row in cells[1:]:  # the ball's centre stays 3 mm away from where its surface touches
+        d = np.array(row[4:7], dtype=float)
+        row[1:4] = [f"{v:.4f}" for v in np.array(row[1:4], dtype=float) - 3.0 * d]
+    path = tmp_path / "r.csv"
+    path.write_text("\n".join(",".join(row) for row in cells) + "\n")
+    got = run("locate", path, "--part", EXAMPLES / "parts" / "bracket_left.step", "--as", "ros")
+    assert "radius" in got.err
+    assert "error: --as" in got.err
+    assert not got.out.strip()

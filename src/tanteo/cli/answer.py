@@ -20,6 +20,7 @@ from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, warned
 from tanteo.cli.readings import FileOptions, read_file, units_of_parts
 from tanteo.errors import ReadingsError
+from tanteo.words.findings import AccuracyNeeded
 
 if TYPE_CHECKING:
     from tanteo.parts import Part
@@ -44,8 +45,14 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     files.check_different(("--report", options.report), inputs=sources, parts=parts)
     reply = ask(readings, parts, options, file, known, top=options.top, as_published=options.as_published)
     given, result, loaded = reply.given, reply.answer, reply.loaded - start
+    words = replace(words, doubt=given.doubt)
     if not options.as_published:
         result = _with_next(result, given, options, known)
+    if options.need is not None:
+        from tanteo.planning.following import accuracy_needed
+
+        needed = accuracy_needed(result, given.parts, options.need)
+        result = result if needed is None else result.adding(needed)
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
     _print_latency(readings, result, given, options, file)
@@ -63,7 +70,8 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
         put(words.text(result, given.parts))
     if options.report is not None:
         _report(options.report, result, given, options, known)
-    leave(decided=result.status == "recognized")
+    failed = any(isinstance(one, AccuracyNeeded) and not one.reached for one in result.findings)
+    leave(decided=result.status == "recognized" and not failed)
 
 
 class Reply(NamedTuple):
@@ -234,7 +242,7 @@ class Given(NamedTuple):
         parts: candidate parts.
         rig: range sensors on the hand; None if not given.
         scale: sizes of readings and parts.
-        doubted: whether a warning about implausible sizes has been printed.
+        doubt: printed warning about implausible sizes; empty for none.
     """
 
     readings: Readings
@@ -242,7 +250,7 @@ class Given(NamedTuple):
     parts: Sequence[Part]
     rig: Rig | None
     scale: posterior.findings.Scale
-    doubted: bool
+    doubt: str
 
 
 def _own_unit(parts: Sequence[Part]) -> str:
@@ -287,7 +295,7 @@ def read_given(path: str, part_paths: Sequence[str], options: Evidence, file: Fi
     )
     if doubt is not None:
         complain("warning", doubt.message)
-    return Given(readings, measured, parts, rig, scale, doubt is not None)
+    return Given(readings, measured, parts, rig, scale, "" if doubt is None else doubt.message)
 
 
 def _beginning(path: str) -> str:
@@ -300,7 +308,7 @@ def _beginning(path: str) -> str:
 
 def _questioned(answer: posterior.Answer, given: Given, query: Query, *, placed: bool) -> posterior.Answer:
     """Return the answer with a probable convention error (units, frames, directions) as last finding, and print it."""
-    if given.doubted:
+    if given.doubt:
         return answer
     frames = posterior.findings.about_frames(answer, given.readings, given.scale, given.measured)
     found = posterior.convention_checks.about_conventions(answer, given.readings, given.parts, query, placed=placed)

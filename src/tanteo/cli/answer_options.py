@@ -97,6 +97,7 @@ class Options(Evidence):
 
     top: args.Top = TOP
     as_published: args.AsPublished = False
+    need: args.Need = None
     report: args.Report = None
     pose_as: controller.PoseAs = None
     wcs: controller.Wcs = None

@@ -254,6 +254,11 @@ MarksFile = Annotated[
     str | None,
     _image("--marks", "FILE", "Known points of the table and their pixels in the image, to place the camera (CSV)."),
 ]
+Need = Annotated[
+    float | None,
+    _answer("--need", "LENGTH", "Needed accuracy of the part's farthest corner (95 %), as 0.5mm; else exit code 3."),
+    Words(partial(typed.spread, "--need", True)),
+]
 Goal = Annotated[
     float | None,
     sensing("--goal", "LENGTH", "Largest error of the part's corners, or of --feature, as 0.5mm."),

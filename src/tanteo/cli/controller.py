@@ -16,6 +16,8 @@ from tanteo.cli import typed
 from tanteo.cli.misuse import MisuseError
 from tanteo.cli.printing import complain
 from tanteo.errors import InputError
+from tanteo.parts import part_named
+from tanteo.words.findings import AccuracyNeeded
 
 if TYPE_CHECKING:
     from tanteo.io.poses import WorkFrame
@@ -79,12 +81,14 @@ class Words:
         wcs: work frame of a controller; None for none.
         best_guess: whether to write the best pose of an ambiguous or insufficient answer.
         accept_turn_lost: whether to write a frame that omits a rotation of the part.
+        doubt: probable mistake in the readings that is not a finding of the answer; empty for none.
     """
 
     pose_as: str | None
     wcs: WorkFrame | None
     best_guess: bool
     accept_turn_lost: bool = False
+    doubt: str = ""
 
     def __post_init__(self) -> None:
         if self.pose_as is not None and self.wcs is not None:
@@ -118,7 +122,7 @@ class Words:
             frame = self._frame(answer, parts)
             where = {"controller": self.wcs.controller, "frame": self.wcs.slot}
             return {key: {**where, "text": frame.text, "warnings": [*_doubts(answer), *frame.warnings]}}
-        pose = io.write_pose(self.pose_as or "", _uncertain(best))
+        pose = io.write_pose(self.pose_as or "", _upright(best, part_named(parts, best.part)))
         facts = {"name": pose.name, "units": pose.units, "verified": pose.verified, "values": pose.values}
         return {key: {**facts, "text": pose.text, "warnings": _doubts(answer)}}
 
@@ -141,7 +145,7 @@ class Words:
             for warning in frame.warnings:
                 complain("warning", f"--wcs: {warning}")
             return frame.text
-        pose = io.write_pose(self.pose_as or "", _uncertain(best))
+        pose = io.write_pose(self.pose_as or "", _upright(best, part_named(parts, best.part)))
         if not pose.verified:
             complain("warning", f"--as {pose.name}: {_UNVERIFIED} ({io.BRANDS[pose.name].source}).")
         return f"{pose.text}\n"
@@ -152,11 +156,18 @@ class Words:
         Args:
             answer: answer to write.
         """
-        if answer.status == "recognized":
-            return None
         if answer.status == "unknown" or not answer.hypotheses:
             return f"expected an answer that names a part and its pose, got {answer.status}. Nothing is written."
         if self.best_guess:
+            return None
+        if missed := next((one for one in answer.findings if isinstance(one, AccuracyNeeded) and not one.reached), None):
+            return f"{missed.message} No pose is written for a program. Sense more, or use --best-guess."
+        if mistake := self.doubt or next((one.message for one in answer.findings if one.subject), ""):
+            return (
+                f"expected readings without a sign of a mistake: {mistake} No pose is written for a program. Correct "
+                "it, or use --best-guess to write the best pose."
+            )
+        if answer.status == "recognized":
             return None
         return (
             f"expected a decided answer, got {answer.status}: no pose is written for a program. Sense more, or use "
@@ -164,16 +175,19 @@ class Words:
         )
 
     def _frame(self, answer: Answer, parts: Sequence[Part]) -> io.poses.WrittenFrame:
-        from tanteo.parts import part_named
+        from tanteo.planning.following import corner_error
         from tanteo.posterior import box_corners
 
         assert self.wcs is not None
         best = answer.hypotheses[0]
         part = part_named(parts, best.part)
-        sure = f"{best.probability:.1%}, largest corner sd {1e3 * best.corner_sd:.3g} mm"
+        error = corner_error(best, part)
+        sure = f"{best.probability:.1%}, farthest corner within {1e3 * error:.3g} mm (95 %)"
         note = f"{best.part}: {answer.status}, {sure}"
         corners = box_corners(part)
-        return io.poses.write_work_frame(self.wcs, _uncertain(best), corners, note, accept_lost=self.accept_turn_lost)
+        return io.poses.write_work_frame(
+            self.wcs, _upright(best, part), corners, note, accept_lost=self.accept_turn_lost
+        )
 
 
 _UNVERIFIED = "the convention was not verified in the brand's documentation: confirm one pose on your controller"
@@ -185,13 +199,23 @@ def _doubts(answer: Answer) -> list[str]:
     if answer.status != "recognized":
         doubts.append(f"the answer is {answer.status}; this is its best guess.")
     if best.symmetry_axis is not None:
-        doubts.append("the part is a solid of revolution: the rotation about its axis is arbitrary.")
+        doubts.append(
+            "the part is a solid of revolution: of its equivalent poses, that with z up and the least turn is written."
+        )
     elif best.symmetry_order > 1:
-        doubts.append(f"the part is identical in {best.symmetry_order} poses; this is one of them.")
+        doubts.append(
+            f"the part is identical in {best.symmetry_order} poses: that with z up and the least turn is written."
+        )
     return doubts
 
 
-def _uncertain(best: Hypothesis) -> Any:
-    from tanteo.geometry import UncertainFrame
+def _upright(best: Hypothesis, part: Part) -> Any:
+    """Return the pose, of the equivalent ones that with z up and the least turn, as an ``UncertainFrame``."""
+    import numpy as np
 
-    return UncertainFrame(best.T_world_part, best.covariance)
+    from tanteo.geometry import SE3, UncertainFrame
+    from tanteo.posterior.symmetry import upright
+
+    S = upright(part, best.T_world_part)
+    A = SE3.adjoint_inverse(S)
+    return UncertainFrame(best.T_world_part @ S, np.asarray(A @ best.covariance @ A.T))

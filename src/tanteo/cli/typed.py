@@ -71,7 +71,7 @@ def policy(name: str) -> str:
     Raises:
         InputError: there is no such policy.
     """
-    from tanteo.planning import policy_named
+    from tanteo.planning.policies import policy_named
 
     try:
         policy_named(name)

@@ -30,7 +30,6 @@ from .plans import Plan as Plan
 from .plans import PlannedReading as PlannedReading
 from .plans import plan as plan
 from .policies import POLICIES as POLICIES
-from .policies import policy_named as policy_named
 from .probe import Probe as Probe
 from .probe import probe_of as probe_of
 from .session.action import Action as Action

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.geometry.limits import LEAST_SD
+from tanteo.geometry.limits import LARGEST, LEAST_SD
 from tanteo.geometry.typing import Covariances, Transforms
-from tanteo.parts import Part
+from tanteo.parts import Part, part_named
 from tanteo.planning.candidates import propose
 from tanteo.planning.context import DecisionContext
 from tanteo.planning.plans import Plan, PlannedReading
@@ -27,7 +27,7 @@ from tanteo.planning.start import Start, from_hypotheses
 from tanteo.planning.state import begin
 from tanteo.planning.stopping import chance_within
 from tanteo.posterior import Answer, Hypothesis, Priors
-from tanteo.words.findings import GoalReached, NoPlaceReached
+from tanteo.words.findings import AccuracyNeeded, GoalReached, NoPlaceReached
 from tanteo.words.findings.reasons import ExpectedReading, NextTouch
 
 _CANDIDATES = 500
@@ -37,7 +37,10 @@ _SDS, _LEAST_OVERTRAVEL = 3.0, 2e-3
 """Standard deviations of the farthest contact, and smallest search distance beyond the expected one [m]."""
 
 _REACHED = 0.95
-"""Probability of the goal at which no further reading is needed."""
+"""Probability of the goal at which no further reading is needed, and of an error that is reported."""
+
+_HALVINGS = 10
+"""Numerical: halvings of the interval in which an error is searched, to 0.1 % of it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,3 +172,40 @@ def _expected(start: Start, action: Action, probe: Probe) -> tuple[ExpectedReadi
         sd = float(np.sqrt(seen.spreads[0, k] + own))
         found.append(ExpectedReading(part.name, float(weight), part.faces[int(seen.faces[0, k])].name, distance, sd))
     return tuple(found)
+
+
+def corner_error(best: Hypothesis, part: Part, probability: float = _REACHED) -> float:
+    """Return the error that the part's farthest corner exceeds with the complement of a probability [m].
+
+    Symmetric poses are equivalent.
+
+    Args:
+        best: hypothesis that counts as right.
+        part: its part.
+        probability: probability that all corners are within the result.
+    """
+    state = begin(from_hypotheses([replace(best, probability=1.0)], [part]))
+    low, high = 0.0, _SDS * best.corner_sd + LEAST_SD
+    certain = 1 - state.unknown
+    while chance_within(state, high) < probability * certain and high < LARGEST:
+        high *= 2
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if chance_within(state, middle) >= probability * certain else (middle, high)
+    return high
+
+
+def accuracy_needed(answer: Answer, parts: Sequence[Part], need: float) -> AccuracyNeeded | None:
+    """Return whether an answer is as accurate as needed; None without a hypothesis.
+
+    Args:
+        answer: the answer.
+        parts: candidate parts of the answer.
+        need: largest allowed error of the part's farthest corner [m].
+    """
+    best = answer.best
+    part = None if best is None else part_named(parts, best.part)
+    if best is None or part is None or answer.status == "unknown":
+        return None
+    error = corner_error(best, getattr(part, "part", part))
+    return AccuracyNeeded(best.part, need, error, answer.status == "recognized" and error <= need)

@@ -15,6 +15,7 @@ from . import part_search as part_search
 from . import proposals as proposals
 from . import sampling as sampling
 from . import settings as settings
+from . import symmetry as symmetry
 from . import trial_fit as trial_fit
 from . import unknown as unknown
 from . import update as update

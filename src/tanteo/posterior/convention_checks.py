@@ -75,14 +75,19 @@ def about_conventions(
         placed: whether the pose has a prior, which a mirrored part would not satisfy.
         settings: settings of the inference.
     """
-    if not is_bad(answer, settings):
-        return None if placed else _about_image(answer, readings, parts, question, settings)
-    others = [way for way in OTHERS if not (placed and way.finding in (MirrorConvention, UnitsConvention))]
-    if _is_of_size(readings, parts, settings):  # in another unit they would cover a small patch, which fits anywhere
-        others = [way for way in others if way.finding is not UnitsConvention]
     some = thinned(readings, settings.search.few_points)
+    found: Convention | OffsetQuestion | None = None
+    if answer.status != "recognized" and not (placed or _is_of_size(readings, parts, settings)):
+        # in another unit they would cover a small patch, which fits anywhere, also with an offset
+        units = [way for way in OTHERS if way.finding is UnitsConvention]
+        found = _about_ways(units, some, parts, question, settings)
+    if not is_bad(answer, settings):
+        return found or (None if placed else _about_image(answer, readings, parts, question, settings))
+    others = [way for way in OTHERS if way.finding is not UnitsConvention]
+    others = [way for way in others if not (placed and way.finding is MirrorConvention)]
     found = (
-        _about_ways((*HANDS, *of_rig(question.rig)), some, parts, question, settings)
+        found
+        or _about_ways((*HANDS, *of_rig(question.rig)), some, parts, question, settings)
         or _about_offset(some, parts, question, settings)
         or _about_ways(others, some, parts, question, settings)
     )

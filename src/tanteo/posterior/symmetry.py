@@ -6,6 +6,7 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms
+from tanteo.parts import Part
 from tanteo.posterior.answers.part_motions import without_symmetric_rotation
 from tanteo.posterior.prepared import PreparedPart
 
@@ -73,3 +74,26 @@ def gauge_information(prepared: PreparedPart) -> FloatArray:
     elif symmetry.axis is not None:
         out[3:, 3:] = np.outer(symmetry.axis[1], symmetry.axis[1]) / GAUGE_SD**2
     return out
+
+
+_LEVEL = 1e-3
+"""Numerical: difference of the heights of z axes, as cosines, up to which poses count as equally upright."""
+
+
+def upright(part: Part, T_world_part: Transforms) -> Transforms:
+    """Return the symmetry of a part that turns its pose to the equivalent one with z up and the least turn.
+
+    Args:
+        part: the part.
+        T_world_part: pose of the part ``(4, 4)``.
+
+    Returns:
+        Motion ``T_part_part`` ``(4, 4)``, so that the equivalent pose is ``T_world_part`` times it.
+    """
+    images = T_world_part @ part.symmetry.Ts
+    if part.symmetry.continuous:
+        fixed = SE3.from_parts(np.eye(3), images[:, :3, 3])
+        images = fixed @ without_symmetric_rotation(part, SE3.inverse(fixed) @ images)
+    heights = images[:, 2, 2]
+    turns = np.where(heights >= heights.max() - _LEVEL, np.trace(images[:, :3, :3], axis1=1, axis2=2), -np.inf)
+    return np.asarray(SE3.inverse(T_world_part) @ images[int(np.argmax(turns))])

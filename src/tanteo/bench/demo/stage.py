@@ -20,8 +20,9 @@ from tanteo.hand import Workspace
 from tanteo.hand.simulator import Solid
 from tanteo.io import read_camera, read_image, read_marks, write_image
 from tanteo.parts import Part
-from tanteo.planning import Action, Probe, Sensing, Session, Stop, at_place, policy_named
+from tanteo.planning import Action, Probe, Sensing, Session, Stop, at_place
 from tanteo.planning.execution import seen_start
+from tanteo.planning.policies import policy_named
 from tanteo.planning.start import Start
 from tanteo.posterior import Hypothesis, PreparedPart, prepare
 from tanteo.sensors import Readings

@@ -13,8 +13,9 @@ from tanteo.hand.motion import Rules
 from tanteo.hand.simulator import Scene, SimulatedHand
 from tanteo.io.documents.scene_file import SceneFile
 from tanteo.parts import Part
-from tanteo.planning import Furniture, Sensing, Session, Stop, at_place, hand_probe, policy_named
+from tanteo.planning import Furniture, Sensing, Session, Stop, at_place, hand_probe
 from tanteo.planning.execution import acquirable, reachable, seen_start
+from tanteo.planning.policies import policy_named
 from tanteo.planning.start import Start
 from tanteo.posterior import PosePrior, PreparedPart, Priors, prepare_all
 

@@ -15,7 +15,8 @@ from typing import NoReturn, Protocol
 import numpy as np
 
 from tanteo.hand import HandReading
-from tanteo.planning import Action, Done, policy_named
+from tanteo.planning import Action, Done
+from tanteo.planning.policies import policy_named
 from tanteo.render.live import drawing, panel
 from tanteo.render.live.commands import (
     Advance,

@@ -7,7 +7,8 @@ from dataclasses import replace
 from tanteo.hand.simulator import Scene
 from tanteo.io.documents import SceneFile
 from tanteo.io.scenes import furniture_of, session_of
-from tanteo.planning import Session, Stop, policy_named
+from tanteo.planning import Session, Stop
+from tanteo.planning.policies import policy_named
 from tanteo.planning.start import Start
 from tanteo.render.live.shows import Show, hand_show, laser, probe_show, simulated
 

@@ -140,6 +140,7 @@ from tanteo.words.findings.reasons import (
     Rule321,
 )
 from tanteo.words.findings.sessions import (
+    AccuracyNeeded,
     BeamsFree,
     EmptySpace,
     EndedByUser,
@@ -191,6 +192,7 @@ from tanteo.words.findings.verdicts import (
 
 __all__ = [
     "REASONS",
+    "AccuracyNeeded",
     "AfterMotion",
     "AllOnFurniture",
     "AmongUnsearched",

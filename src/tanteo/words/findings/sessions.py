@@ -110,6 +110,24 @@ class NotWorthCost(Finding):
 
 
 @dataclass(frozen=True, slots=True)
+class AccuracyNeeded(Finding):
+    """Whether the pose is as accurate as the user needs.
+
+    Attributes:
+        part: name of the part.
+        need: largest allowed error of the part's farthest corner [m].
+        error: error that this corner exceeds with 5 % [m].
+        reached: whether the answer is decided and the error small enough.
+    """
+
+    kind: ClassVar[str] = "accuracy_needed"
+    part: str
+    need: float
+    error: float
+    reached: bool
+
+
+@dataclass(frozen=True, slots=True)
 class NoPlaceReached(Finding):
     """The probe cannot reach any place of the part.
 

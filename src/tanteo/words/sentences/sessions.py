@@ -137,3 +137,10 @@ def _(one: f.NothingToAcquire) -> Words:
 @words_of.register
 def _(one: f.Stated) -> Words:
     return one.text, ""
+
+
+@words_of.register
+def _(one: f.AccuracyNeeded) -> Words:
+    verdict = "The needed accuracy is reached" if one.reached else "The needed accuracy is NOT reached"
+    error, need = millimetres(one.error, 3), millimetres(one.need, 3)
+    return f"{verdict}: the farthest corner of {one.part} is within {error} (95 %), needed {need}.", ""
