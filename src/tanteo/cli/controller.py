@@ -160,8 +160,9 @@ class Words:
             return f"expected an answer that names a part and its pose, got {answer.status}. Nothing is written."
         if self.best_guess:
             return None
-        if missed := next((one for one in answer.findings if isinstance(one, AccuracyNeeded) and not one.reached), None):
-            return f"{missed.message} No pose is written for a program. Sense more, or use --best-guess."
+        missed = [one for one in answer.findings if isinstance(one, AccuracyNeeded) and not one.reached]
+        if missed:
+            return f"{missed[0].message} No pose is written for a program. Sense more, or use --best-guess."
         if mistake := self.doubt or next((one.message for one in answer.findings if one.subject), ""):
             return (
                 f"expected readings without a sign of a mistake: {mistake} No pose is written for a program. Correct "
