@@ -16,7 +16,8 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.io import read_record, write_record
 from tanteo.parts import read_part
-from tanteo.planning import Action, Probe, Sensing, Session, Stop, at_place, explain
+from tanteo.planning import Action, Probe, Sensing, Session, Stop, at_place
+from tanteo.planning.explanation import explain
 from tanteo.posterior import prepare
 from tanteo.sensors.presets import NoiseLaw
 

@@ -6,5 +6,9 @@ SIGNIFICANCE = 0.01
 """Significance level of all tests of an answer, unless the user states another (``--significance``): a true answer is
 rejected with this probability. It is a convention, the 1 % level, not a tuned number."""
 
+TIP_SD = 3e-4
+"""Standard deviation of a tip's offset along each axis of the hand, if the hand's poses are given and the user states
+none [m]: a tool centre point taught by four poses on a typical robot is off by some tenths of a millimetre."""
+
 TOP = 5
 """Number of hypotheses that an answer reports, unless the user states another (``--top``)."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from tanteo.defaults import SIGNIFICANCE, TOP
+from tanteo.defaults import SIGNIFICANCE, TIP_SD, TOP
 from tanteo.errors import InputError
 from tanteo.factors import PoseFactor, as_contact_points, as_free_rays
 from tanteo.geometry.limits import check_length
@@ -23,10 +23,11 @@ from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.convention_checks import about_conventions
 from tanteo.posterior.findings import about_frames, about_readings, scale_of
 from tanteo.posterior.settings import Settings
-from tanteo.sensors import Readings, Rig, measure, thinned, unstated_sd
+from tanteo.sensors import PointMeasurements, Readings, Rig, measure, thinned, unstated_sd
 from tanteo.sensors.presets import RobotPreset, SensorPreset
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
+    AssumedTip,
     CheckPrior,
     EstimatedNoise,
     NoNoiseStated,
@@ -77,7 +78,8 @@ def identify(
             touches it is estimated from the readings if neither it nor a sensor is given.
         tolerance: sd of the made part's surface against its CAD [m].
         robot: preset of robot errors; its absolute error is shared by all readings.
-        tip_sd: sds of the tip's offset in the hand's frame [m], one draw for the run.
+        tip_sd: sds of the tip's offset in the hand's frame [m], one draw for the run. If none are stated and the
+            readings have poses of the hand, they are 0.3 mm, and a finding has the estimate; zeros for an exact tip.
         bias_sd: sd of an error along the approach that all readings share [m]: of the ball's radius, the trigger point.
         rig: where range sensors sit on the hand.
         significance: least p-value of the joint test at which a part is accepted.
@@ -109,6 +111,7 @@ def identify(
     check_length("tolerance", tolerance)
     parts = check_question(parts, significance, top, seed, priors)
     given, readings = len(readings), thinned(readings)
+    tip_sd, assumed = _with_tip(readings, None if as_published and tip_sd is None else tip_sd, as_published)
     unstated = unstated_sd(readings, sensor=sensor, sd=sd, rig=rig)
     stated_sd, sd = sd, sd if unstated is None else unstated
     measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig)
@@ -131,6 +134,8 @@ def identify(
     )  # fmt: skip
     if unstated is not None and answer.best is not None:
         answer = _with_estimated_noise(answer, unstated)
+    if assumed:
+        answer = answer.adding(_tip_estimate(answer, measured))
     if answer.status == "unknown" and placed and not any(isinstance(f, PriorContradicted) for f in answer.findings):
         answer = answer.adding(CheckPrior())
     answer = answer.adding(*about_readings(answer, readings, measured, rays, parts, settings))
@@ -171,6 +176,7 @@ class Query:
         """Return the measurements and priors of the inference for other readings, and its candidate parts."""
         own, settings, tolerance = self._options, self._options.get("settings", DEFAULTS), self._options["tolerance"]
         candidates = Candidates(parts)
+        own = own | {"tip_sd": _with_tip(readings, own["tip_sd"])[0]}
         unstated = unstated_sd(readings, sensor=own["sensor"], sd=own["sd"], rig=own["rig"])
         sd = own["sd"] if unstated is None else unstated
         known = {name: own[name] for name in ("sensor", "robot", "tip_sd", "bias_sd", "rig")}
@@ -190,6 +196,36 @@ class Query:
         """
         own = self._options if bias_sd is None else self._options | {"bias_sd": bias_sd}
         return identify(readings, parts, **own, top=1, conventions=False)
+
+
+def _with_tip(
+    readings: Readings, tip_sd: npt.ArrayLike | None, as_published: bool = False
+) -> tuple[npt.ArrayLike | None, bool]:
+    """Return the standard deviations of the tip's offset, and whether they are assumed because none are stated.
+
+    Without a statement, touches with poses of the hand have an offset of a typical tool.
+    """
+    if tip_sd is not None:
+        return tip_sd, False
+    touched, hands = readings.points.given, readings.Ts_world_hand.given
+    if as_published or not touched.any() or not hands.all():
+        return None, False
+    return np.full(3, TIP_SD), True
+
+
+def _tip_estimate(answer: Answer, measured: PointMeasurements) -> AssumedTip:
+    """Return the finding about an assumed tip, with its estimate in the best hypothesis."""
+    best = answer.best
+    sizes = [len(error.covariance) for error in measured.shared]
+    names = [error.name for error in measured.shared]
+    if best is None or best.shared is None or answer.status == "unknown" or "tip offset" not in names:
+        return AssumedTip(TIP_SD)
+    k = names.index("tip offset")
+    rows = slice(sum(sizes[:k]), sum(sizes[: k + 1]))
+    shared = best.shared
+    whole = shared.covariance + shared.follows @ best.covariance @ shared.follows.T
+    sds = np.sqrt(np.diag(whole)[rows].clip(0.0))
+    return AssumedTip(TIP_SD, tuple(TIP_SD * shared.mean[rows]), tuple(TIP_SD * np.minimum(sds, 1.0)))
 
 
 def _factors(
@@ -284,7 +320,7 @@ def locate(
         sd: one standard deviation of a point along beam or normal [m], for readings without an sd of their own.
         tolerance: sd of the made part's surface [m].
         robot: preset of robot errors.
-        tip_sd: sds of the tip's offset [m].
+        tip_sd: sds of the tip's offset [m]; 0.3 mm with poses of the hand if none are stated.
         bias_sd: sd of an offset along the approach [m].
         rig: where range sensors sit on the hand.
         significance: least p-value of the joint test at which the part is accepted.

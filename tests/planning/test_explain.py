@@ -10,7 +10,8 @@ import pytest
 from sensing_scenes import LASER
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.planning import Sensing, Session, begin, explain
+from tanteo.planning import Sensing, Session, begin
+from tanteo.planning.explanation import explain
 from tanteo.planning.start import Start, at_pose
 from tanteo.posterior import PosePrior, Priors, prepare
 from tanteo.posterior.answers import corner_moves, prior_rows

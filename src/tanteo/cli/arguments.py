@@ -78,7 +78,12 @@ FormSd = Annotated[
 Robot = Annotated[str | None, _errors("--robot", "PRESET", ROBOT_HELP, autocompletion=typed.robot_names), ROBOT]
 TipSd = Annotated[
     tuple[float, ...] | None,
-    _errors("--tip-sd", "X,Y,Z", "Standard deviations of the tip's offset in the hand, as 1.5,1.5,0.3mm."),
+    _errors(
+        "--tip-sd",
+        "X,Y,Z",
+        "Standard deviations of the tip's offset in the hand, as 1.5,1.5,0.3mm; 0.3 mm each with poses of the hand if "
+        "not given, 0,0,0mm if exact.",
+    ),
     Words(typed.tip),
 ]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tanteo import io
+from tanteo import io, render
 from tanteo.cli import arguments as args
 from tanteo.cli import typed
 from tanteo.cli.answer import ask
@@ -49,9 +49,7 @@ def next_reading(
 
     It decides an ambiguous or insufficient answer, or improves the pose up to --goal.
     """
-    from tanteo.io.documents.work_json import next_document
     from tanteo.planning.following import NextReading, next_reading
-    from tanteo.render.text.planned import next_lines
     from tanteo.words.findings import GoalReached
 
     known = typed.read_known(options.table, options.box, options.pose_prior, options.prior)
@@ -65,9 +63,9 @@ def next_reading(
         found = next_reading(answer, given.parts, probe, options.goal, options.seed)
     written = _program(found, given.parts, probe, program) if isinstance(found, NextReading) else None
     if options.json:
-        put(io.documents.document_json(next_document(answer, found, written), warned()))
+        put(io.documents.document_json(io.documents.next_document(answer, found, written), warned()))
     else:
-        emit(next_lines(answer, found, layout=layout()))
+        emit(render.text.next_lines(answer, found, layout=layout()))
         put(written or "")
     done = isinstance(found, NextReading | GoalReached) or (answer.status == "recognized" and found is None)
     leave(decided=done)

@@ -79,7 +79,7 @@ def resume(path: str, folders: Sequence[str], *, quiet: bool) -> tuple[io.docume
 
 def _print_explained(session: Session, answer: posterior.Answer, *, as_json: bool, verbose: bool) -> None:
     """Print the answer, the information of each reading, and the readings that determine the pose."""
-    from tanteo.planning import explain
+    from tanteo.planning.explanation import explain
 
     explanation = explain(session.state, session.steps)
     if as_json:

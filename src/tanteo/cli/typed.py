@@ -230,7 +230,7 @@ def tip(text: str) -> tuple[float, ...]:
     from tanteo.geometry.limits import LARGEST
 
     values = io.readings.parse_lengths(text, "--tip-sd")
-    if len(values) != 3 or min(values) < 0 or max(values) == 0:
+    if len(values) != 3 or min(values) < 0:
         raise InputError(
             f"--tip-sd: expected three lengths of zero or more (x, y, z of the hand), got '{text}'. "
             "Write it as 1.5,1.5,0.3mm."

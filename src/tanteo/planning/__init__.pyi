@@ -19,12 +19,10 @@ from .cell import CellCheck as CellCheck
 from .cell import CellError as CellError
 from .cell import check_cell as check_cell
 from .clearance import has_clearance as has_clearance
-from .context import Policy as Policy
 from .discrimination import discriminate as discriminate
 from .execution.loop import sense_part as sense_part
 from .execution.resting import Furniture as Furniture
 from .execution.start import hand_probe as hand_probe
-from .explanation import explain as explain
 from .feature_candidates import features as features
 from .plans import Plan as Plan
 from .plans import PlannedReading as PlannedReading

@@ -27,8 +27,7 @@ from tanteo.planning.start import Start, from_hypotheses
 from tanteo.planning.state import begin
 from tanteo.planning.stopping import chance_within
 from tanteo.posterior import Answer, Hypothesis, Priors
-from tanteo.words.findings import AccuracyNeeded, GoalReached, NoPlaceReached
-from tanteo.words.findings.reasons import ExpectedReading, NextTouch
+from tanteo.words.findings import AccuracyNeeded, ExpectedReading, GoalReached, NextTouch, NoPlaceReached
 
 _CANDIDATES = 500
 """Number of candidates, as in a session."""

@@ -58,7 +58,8 @@ def measure(
         sensor: preset, or its name, for readings whose sensor the rig does not contain.
         robot: preset, or its name, of the robot's errors; None to assume no errors.
         sd: standard deviation along the beam or normal [m], for rows without their own.
-        tip_sd: standard deviations of the tip's offset in the hand frame ``(3,)`` [m], one draw for the run.
+        tip_sd: standard deviations of the tip's offset in the hand frame ``(3,)`` [m], one draw for the run; zeros for
+            an exact tip.
         bias_sd: standard deviation of an error along the approach shared by all readings [m], such as of the ball's
             radius, the trigger point or the zero; it adds to those of presets and rigs.
         rig: poses of the range sensors on the hand.
@@ -86,7 +87,7 @@ def measure(
     if robot is not None:
         covs = covs + _repeatability(readings, points, robot)
         shared.append(base(points, placed, free, robot))
-    if tip_sd is not None:
+    if tip_sd is not None and not (np.shape(tip_sd) == (3,) and not np.any(tip_sd)):
         shared.append(tip(readings, placed, tip_sd))
     covs = covs + _unaimed(aims, np.array([d.bias_sd for d in devices])[numbers])
     shared += of_devices(placed, aims, devices, numbers, free)

@@ -72,10 +72,8 @@ def tip(readings: Readings, placed: Placed, tip_sd: npt.ArrayLike) -> SharedEffe
         tip_sd = np.asarray(tip_sd, dtype=np.float64)
     except (ValueError, TypeError):
         raise InputError(f"tip_sd: expected three numbers [m], got {tip_sd!r}. Use [1e-3, 1e-3, 0.3e-3].") from None
-    if tip_sd.shape != (3,) or not np.isfinite(tip_sd).all() or (tip_sd < 0).any() or not tip_sd.any():
-        raise InputError(
-            f"tip_sd: expected three lengths of zero or more [m], got {tip_sd.tolist()}. Leave it out for zeros."
-        )
+    if tip_sd.shape != (3,) or not np.isfinite(tip_sd).all() or (tip_sd < 0).any():
+        raise InputError(f"tip_sd: expected three lengths of zero or more [m], got {tip_sd.tolist()}. Correct them.")
     if tip_sd.max() > LARGEST:
         raise InputError(f"tip_sd: expected lengths up to {LARGEST:g} m, got {tip_sd.max():g} m. Check their unit.")
     touched = ~placed.by_rig

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from report_scenes import SD, TRUTH, touched_session, touches
-from tanteo.planning import Session, explain
+from tanteo.planning import Session
+from tanteo.planning.explanation import explain
 from tanteo.posterior import Priors
 from tanteo.recognition import locate
 from tanteo.render.html import (

@@ -40,6 +40,7 @@ from .whole_text import parse_density as parse_density
 from .whole_text import parse_mass as parse_mass
 from .whole_text import parse_size as parse_size
 from .work_json import distinction_json as distinction_json
+from .work_json import next_document as next_document
 from .work_json import part_json as part_json
 from .work_json import plan_csv as plan_csv
 from .work_json import plan_json as plan_json

@@ -27,8 +27,9 @@ from tanteo.io.documents.result_json import recognition_document
 from tanteo.io.documents.schema import Place, as_plain, show
 from tanteo.io.documents.session_mcap import SUFFIX, is_mcap, record_text, write_mcap
 from tanteo.parts import RECORD, Part, read_whole
-from tanteo.planning import POLICIES, Observation, Policy, Sensing, SensingState, Session
+from tanteo.planning import POLICIES, Observation, Sensing, SensingState, Session
 from tanteo.planning.candidates import Candidates
+from tanteo.planning.context import Policy
 from tanteo.planning.start import Start
 from tanteo.planning.whole import Offers
 from tanteo.posterior import PreparedPart, prepare_all

@@ -28,7 +28,7 @@ def course_section(session: Session, added: Sequence[Added]) -> Section:
 
     Args:
         session: session, which may have no readings.
-        added: information of each step, see :func:`tanteo.planning.explain`.
+        added: information of each step, see :func:`tanteo.planning.explanation.explain`.
     """
     lead = (
         "Each reading with its reason and its result. A decision between two equally probable "

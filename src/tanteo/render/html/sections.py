@@ -86,7 +86,7 @@ def rests_section(candidates: Sequence[Candidate], directions: Sequence[Sequence
     Args:
         candidates: hypotheses, best first.
         directions: principal directions of each hypothesis, see :func:`directions_of` and
-            :func:`tanteo.planning.explain`.
+            :func:`tanteo.planning.explanation.explain`.
     """
     lead = (
         "Independent errors of the pose, the largest first; the overlays in the picture show them. Each bar divides "

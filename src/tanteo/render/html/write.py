@@ -11,7 +11,8 @@ from typing import Any
 from tanteo.errors import InputError
 from tanteo.geometry.typing import Vectors
 from tanteo.parts import Part, part_named
-from tanteo.planning import Session, explain
+from tanteo.planning import Session
+from tanteo.planning.explanation import explain
 from tanteo.posterior import Answer
 from tanteo.render.html.answered import answer_front
 from tanteo.render.html.combined import budget_section

@@ -9,6 +9,7 @@ from .layout import Layout as Layout
 from .layout import printable as printable
 from .models import part_lines as part_lines
 from .planned import distinction_lines as distinction_lines
+from .planned import next_lines as next_lines
 from .planned import plan_lines as plan_lines
 from .presets import preset_lines as preset_lines
 from .presets import rig_lines as rig_lines

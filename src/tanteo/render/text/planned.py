@@ -8,8 +8,7 @@ import numpy as np
 
 from tanteo.planning.following import NextReading
 from tanteo.render.text.layout import PLAIN, Layout, printable
-from tanteo.words import headline_of
-from tanteo.words.figures import percent
+from tanteo.words import headline_of, percent
 
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray, Vectors

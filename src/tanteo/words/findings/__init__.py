@@ -11,6 +11,7 @@ from tanteo.words.findings.calibrations import (
     Undetermined,
 )
 from tanteo.words.findings.causes import (
+    AssumedTip,
     CheckPrior,
     CloseTogether,
     CutShort,
@@ -133,9 +134,11 @@ from tanteo.words.findings.reasons import (
     REASONS,
     ChosenByUser,
     DrawnAtRandom,
+    ExpectedReading,
     LargestFaceLeast,
     MostInformation,
     NearestPlace,
+    NextTouch,
     RepeatMisfit,
     Rule321,
 )
@@ -196,6 +199,7 @@ __all__ = [
     "AfterMotion",
     "AllOnFurniture",
     "AmongUnsearched",
+    "AssumedTip",
     "AtLimit",
     "AtPose",
     "AtRest",
@@ -230,6 +234,7 @@ __all__ = [
     "EmptySpace",
     "EndedByUser",
     "EstimatedNoise",
+    "ExpectedReading",
     "FaceDisplaced",
     "FaceEndsElsewhere",
     "FaceNotRepeated",
@@ -263,6 +268,7 @@ __all__ = [
     "MovedMeanwhile",
     "NearSurface",
     "NearestPlace",
+    "NextTouch",
     "NoClearPath",
     "NoContact",
     "NoEcho",

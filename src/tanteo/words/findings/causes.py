@@ -140,6 +140,22 @@ class Scatter(Finding):
 
 
 @dataclass(frozen=True, slots=True)
+class AssumedTip(Finding):
+    """Poses of the hand are given, and the error of the tip's offset is not stated.
+
+    Attributes:
+        sd: assumed standard deviation along each axis of the hand [m].
+        estimate: estimated error of the offset in the hand's frame [m]; empty without an answer.
+        sds: standard deviations of the estimate [m].
+    """
+
+    kind: ClassVar[str] = "assumed_tip"
+    sd: float
+    estimate: tuple[float, ...] = ()
+    sds: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class EstimatedNoise(Finding):
     """No standard deviation was stated, and it is estimated from the readings.
 

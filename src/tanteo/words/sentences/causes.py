@@ -103,6 +103,16 @@ def _(one: f.Scatter) -> Words:
 
 
 @words_of.register
+def _(one: f.AssumedTip) -> Words:
+    text = f"The error of the tip's offset is not stated: {millimetres(one.sd)} (1 sd) is assumed (--tip-sd)."
+    if not one.estimate:
+        return text, ""
+    offset = ", ".join(f"{1e3 * v:.2f}" for v in one.estimate)
+    sds = ", ".join(f"{1e3 * v:.2f}" for v in one.sds)
+    return f"{text} Its estimate in the hand is ({offset}) +- ({sds}) mm.", ""
+
+
+@words_of.register
 def _(one: f.EstimatedNoise) -> Words:
     sd, low, high = millimetres(one.sd), millimetres(one.low), millimetres(one.high)
     return f"No standard deviation is stated. The estimate from the readings is {sd} (95 %: {low} to {high}).", ""

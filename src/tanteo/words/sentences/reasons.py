@@ -46,7 +46,7 @@ def _(one: f.ChosenByUser) -> Words:
 
 
 @words_of.register
-def _(one: f.reasons.NextTouch) -> Words:
+def _(one: f.NextTouch) -> Words:
     place = ", ".join(f"{1e3 * v:.1f}" for v in one.point)
     along = ", ".join(f"{round(v, 2) + 0.0:.2f}" for v in one.direction)
     slowly = "" if one.clear else " Approach slowly: the part may be in the path."
