@@ -125,6 +125,7 @@ def test_inward_normals_raise_a_question(run, tmp_path):
 def question(answer):
     """Return a stand-in for a question with too few points for a trial fit, and its answer."""
     return SimpleNamespace(
+        rig=None,
         problem=lambda readings, parts: (Problem(ContactPoints.none(), FreeRays.none(), Priors()), Candidates(parts)),
         answer=lambda readings, parts, *, bias_sd=None: answer(readings, parts),
     )
@@ -135,12 +136,12 @@ def test_a_mirror_image_has_to_fit_all_readings(excluded, offered):
     part = read_part(EXAMPLES / "parts/bracket_left.step")
 
     def mirrored(readings, parts):
-        return SimpleNamespace(best=SimpleNamespace(part=parts[1].name, outliers=excluded, probability=0.999))
+        return SimpleNamespace(rig=None, best=SimpleNamespace(part=parts[1].name, outliers=excluded, probability=0.999))
 
     best = SimpleNamespace(
-        part=part.name, outliers=("7",), pairings=(("1", "face 0"),) * 20, noise_scale=(1.0, 0.9, 1.1)
+        rig=None, part=part.name, outliers=("7",), pairings=(("1", "face 0"),) * 20, noise_scale=(1.0, 0.9, 1.1)
     )
-    answer = SimpleNamespace(status="recognized", best=best)
+    answer = SimpleNamespace(rig=None, status="recognized", best=best)
     readings = read_readings(EXAMPLES / "readings/bracket_left.csv")
     assert bool(about_conventions(answer, readings, [part], question(mirrored))) == offered
 
