@@ -3,7 +3,8 @@
 An entry's name is a hash of the file's bytes, its unit and the version of the readers, so an entry never becomes
 outdated. An entry ends in a checksum of its name and bytes; a damaged or foreign entry is ignored and rewritten. The
 folder is ``$TANTEO_CACHE`` or the platform's cache folder, accessible to its owner only. It may be deleted at any time.
-If the folder is not writable, nothing is cached.
+If the folder is not writable, nothing is cached. Above ``$TANTEO_CACHE_LIMIT``, 1 GB by default, the entries that were
+not used for the longest time are deleted.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import stat
 import sys
 import tempfile
 import zlib
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +34,15 @@ _CHECKSUM = 8
 
 
 _CHUNK = 1 << 24
+
+_LIMIT = 1e9
+"""Default size limit of the cache [bytes]: about 10,000 parts of a few hundred faces."""
+
+_KEPT = 0.8
+"""Share of the limit that remains when entries are deleted, so that not every new entry deletes another."""
+
+_SUFFIXES = {"KB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12, "B": 1.0}
+"""Units of a limit [bytes]."""
 
 _REFERENCE = b"DOCUMENT_FILE"
 """Keyword in STEP files that refer to other files."""
@@ -52,6 +64,111 @@ def _platform_folder() -> Path:
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Caches"
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+
+
+@dataclass(frozen=True, slots=True)
+class CacheSize:
+    """Size of the cache, or of a part of it.
+
+    Attributes:
+        parts: number of parts.
+        entries: number of files: parts, and data derived from them.
+        bytes: size of the files [bytes].
+    """
+
+    parts: int
+    entries: int
+    bytes: int
+
+
+def cache_limit() -> float:
+    """Return the size limit of the cache [bytes]: ``$TANTEO_CACHE_LIMIT`` as ``500MB`` or ``2GB``, 1 GB by default.
+
+    Raises:
+        InputError: the variable is not a size.
+    """
+    text = os.environ.get("TANTEO_CACHE_LIMIT", "").strip()
+    if not text:
+        return _LIMIT
+    unit = next((unit for unit in _SUFFIXES if text.upper().endswith(unit)), "")
+    try:
+        limit = float(text[: len(text) - len(unit)]) * _SUFFIXES.get(unit, 1.0)
+    except ValueError:
+        limit = -1.0
+    if not 0.0 <= limit < float("inf"):
+        raise InputError(f"TANTEO_CACHE_LIMIT: expected a size such as 500MB or 2GB, got {text!r}. Correct it.")
+    return limit
+
+
+def cache_size() -> CacheSize:
+    """Return the size of the cache."""
+    return _size_of(_entries())
+
+
+def clear_cache() -> CacheSize:
+    """Delete all entries of the cache, and return their size."""
+    return _size_of([entry for entry in _entries() if _deleted(entry[2])])
+
+
+def _entries() -> list[tuple[float, int, Path]]:
+    """Return the time of the last use, the size and the path of each entry."""
+    found = []
+    for path in (cache_folder() / "parts").glob("[0-9a-f][0-9a-f]/*.*"):
+        with suppress(OSError):
+            status = path.stat()
+            if stat.S_ISREG(status.st_mode):
+                found.append((status.st_mtime, status.st_size, path))
+    return found
+
+
+def _size_of(entries: list[tuple[float, int, Path]]) -> CacheSize:
+    parts = sum(path.suffix == ".part" for _, _, path in entries)
+    return CacheSize(parts, len(entries), sum(size for _, size, _ in entries))
+
+
+def _deleted(path: Path) -> bool:
+    try:
+        path.unlink()
+    except OSError:
+        return False
+    return True
+
+
+class _Written:
+    """Count of the bytes that this process has written since the size of the cache was last compared to its limit."""
+
+    count = float("inf")
+
+
+def _keep_limit(size: int) -> None:
+    """Delete the entries that were not used for the longest time if the cache is above its limit.
+
+    The folder is listed at the first entry that a process writes, and then each time it has written a tenth of the
+    limit.
+
+    Args:
+        size: size of the entry that was written [bytes].
+    """
+    limit = cache_limit()
+    _Written.count += size
+    if _Written.count < limit / 10:
+        return
+    _Written.count = 0
+    entries = sorted(_entries())
+    total = sum(one[1] for one in entries)
+    if total <= limit:
+        return
+    for _, bytes_of, path in entries:
+        if total <= _KEPT * limit:
+            return
+        if _deleted(path):
+            total -= bytes_of
+
+
+def _used(path: Path) -> None:
+    """Record the use of an entry in its time of modification."""
+    with suppress(OSError):
+        os.utime(path)
 
 
 def cache_key(path: Path, unit: str | None) -> str | None:
@@ -94,7 +211,9 @@ def load(key: str, *, name: str, source: str) -> Part | None:
         source: path of the file.
     """
     try:
-        data = _entry(key, "part").read_bytes()
+        entry = _entry(key, "part")
+        data = entry.read_bytes()
+        _used(entry)
         if not _whole(memoryview(data), key, "part"):
             return None
         part = part_from_bytes(data[:-_CHECKSUM], name=name, source=source)
@@ -132,7 +251,9 @@ def load_derived(part: Part, kind: str) -> npt.NDArray[np.uint8] | None:
     if key is None:
         return None
     try:
-        with _entry(key, kind).open("rb") as file:
+        entry = _entry(key, kind)
+        _used(entry)
+        with entry.open("rb") as file:
             whole = np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), dtype=np.uint8)
     except (OSError, ValueError):  # not there, or empty
         return None
@@ -163,6 +284,7 @@ def _write(key: str, kind: str, data: bytes) -> bool:
             stream.write(_checksum(data, key, kind))
     except OSError:
         return False
+    _keep_limit(len(data))
     return True
 
 

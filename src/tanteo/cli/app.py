@@ -8,9 +8,9 @@ from __future__ import annotations
 import inspect
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import is_dataclass
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from typing import Annotated, Any, NamedTuple, NoReturn, get_type_hints
 
 import typer
 from typer.core import TyperCommand
@@ -18,6 +18,7 @@ from typer.core import TyperCommand
 from tanteo.cli import (  # fmt: skip
     answer,
     bench,
+    cache,
     catalogue,
     cell,
     demo,
@@ -35,9 +36,9 @@ from tanteo.cli import (  # fmt: skip
     view,
 )
 from tanteo.cli.misuse import MisuseError, misuse
-from tanteo.cli.printing import complain, listening
+from tanteo.cli.printing import complain, listening, put_json
 from tanteo.cli.typed import Words
-from tanteo.errors import TanteoError
+from tanteo.errors import InputError, TanteoError
 from tanteo.plugins import PluginWarning
 
 _FAILED, _MISUSED, _INTERRUPTED = 1, 2, 130
@@ -73,17 +74,29 @@ class Grouped(TyperCommand):
 
 
 @contextmanager
-def _guarded() -> Iterator[None]:
-    """Turn the errors of tanteo inside the context into a line on standard error and an exit code."""
+def _guarded(*, as_json: bool = False) -> Iterator[None]:
+    """Turn the errors of tanteo inside the context into a line on standard error and an exit code.
+
+    Args:
+        as_json: whether the output is a JSON document, which then states the error.
+    """
     try:
         with listening(), _plugin_warnings():
             yield
     except TanteoError as error:
-        complain("error", str(error))
-        raise typer.Exit(_MISUSED if isinstance(error, MisuseError) else _FAILED) from None
+        misused = isinstance(error, MisuseError)
+        _fail(_MISUSED if misused else _FAILED, type(error).__name__, str(error), as_json=as_json)
     except KeyboardInterrupt as error:
-        complain("error", " ".join(["interrupted.", *getattr(error, "__notes__", ())]))
-        raise typer.Exit(_INTERRUPTED) from None
+        message = " ".join(["interrupted.", *getattr(error, "__notes__", ())])
+        _fail(_INTERRUPTED, type(error).__name__, message, as_json=as_json)
+
+
+def _fail(exit_code: int, kind: str, message: str, *, as_json: bool) -> NoReturn:
+    complain("error", message)
+    if as_json:
+        with suppress(InputError):  # standard output cannot be written: that may be the error
+            put_json({"schema": "tanteo.error/1", "exit_code": exit_code, "kind": kind, "message": message})
+    raise typer.Exit(exit_code) from None
 
 
 @contextmanager
@@ -146,7 +159,7 @@ def _command(function: Callable[..., None], check: Callable[[Mapping[str, Any]],
     groups = {name: annotation for name, annotation in get_type_hints(function).items() if is_dataclass(annotation)}
 
     def run(**typed: Any) -> None:
-        with _guarded():
+        with _guarded(as_json=typed.get("json") is True):
             with misuse():
                 if check is not None:
                     check(typed)
@@ -202,6 +215,7 @@ def root(
 _sense = _group("Sense a feature or a part in the simulator, without contact.")
 _sensor = _group("Show sensors, robots and rigs, and calibrate them.")
 _part = _group("Show the content of CAD files.")
+_cache = _group("Show the cache of CAD files, and empty it.")
 _catalogue = _group("Store many parts on disk, prepared for recognition.")
 
 _add(app, "identify", answer.identify)
@@ -233,6 +247,9 @@ _add(_catalogue, "build", catalogue.build)
 _add(_catalogue, "add", catalogue.add)
 _add(_catalogue, "show", catalogue.show)
 _add(_catalogue, "check", catalogue.check)
+app.add_typer(_cache, name="cache")
+_add(_cache, "show", cache.show)
+_add(_cache, "clear", cache.clear)
 _add(app, "bench", bench.bench)
 _add(app, "demo", demo.demo)
 _add(app, "doctor", doctor.doctor)

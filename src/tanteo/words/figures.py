@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 _EPSILON = float(np.finfo(float).eps)
@@ -13,6 +15,15 @@ def percent(p: float) -> str:
     if p >= 0.9995:
         return "> 99.9 %"
     return "< 0.1 %" if p < 0.0005 else f"{100 * p:.1f} %"
+
+
+def excluded(gain: float) -> str:
+    """Return the share of the possible parts and poses that a reading excludes, in percent.
+
+    Args:
+        gain: information of the reading [nats]; the possible volume decreases by the factor ``exp(-gain)``.
+    """
+    return percent(-math.expm1(-max(gain, 0.0)))
 
 
 def p_equals(p: float) -> str:

@@ -16,6 +16,7 @@ from tanteo.geometry import SE3
 from tanteo.planning import Action, Session, Step
 from tanteo.posterior import box_corners
 from tanteo.sensors import Readings
+from tanteo.words import percent
 
 NEEDED = "readings_needed.csv"
 """Readings that each try of ``benchmarks/demo.py`` needed."""
@@ -150,7 +151,7 @@ def _why(session: Session, action: Action) -> str:
     if len(two) == 2 and abs(finite[0] - finite[1]) > _DIFFER:
         words = (f"of {state.target(k).part.name} {_range(r)}" for k, r in zip(modes, ranges, strict=True))
         return f"it would read {', '.join(words)}"
-    return f"it is expected to reduce the pose uncertainty most, by {action.gain:.2f} nats"
+    return f"it is expected to exclude most, {percent(-np.expm1(-action.gain))} of the possible poses"
 
 
 def _range(distance: float) -> str:

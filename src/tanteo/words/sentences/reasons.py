@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from tanteo.words import findings as f
+from tanteo.words.figures import excluded
 from tanteo.words.sentences.base import Words, words_of
 
 
 @words_of.register
 def _(one: f.MostInformation) -> Words:
-    gives = f"expected to give {one.gain:.2f} nats about part and pose"
+    gives = f"expected to exclude {excluded(one.gain)} of the possible parts and poses"
     if not one.feature:
         return f"It is {gives}.", ""
     return f"With {one.others} more of {one.feature} it is {gives}.", ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from tanteo.words import findings as f
-from tanteo.words.figures import listed, millimetres, percent, readings
+from tanteo.words.figures import excluded, listed, millimetres, percent, readings
 from tanteo.words.sentences.base import Words, words_of
 
 
@@ -56,7 +56,8 @@ def _(one: f.ReadingLimit) -> Words:
 
 @words_of.register
 def _(one: f.NotWorthCost) -> Words:
-    return f"No reading is worth its cost: the best one is expected to give {one.gain:.3f} nats of information.", ""
+    share = excluded(one.gain)
+    return f"No reading is worth its cost: the best one is expected to exclude {share} of the possible poses.", ""
 
 
 @words_of.register
