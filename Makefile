@@ -140,7 +140,7 @@ $(VENV)/.tools: constraints.txt $(ZIG) | $(BIN)/python
 	touch $@
 
 $(VENV)/.demo: pyproject.toml $(CORE) $(VENV)/.tools
-	$(EDIT) '.[step,vision,viewer]'
+	$(EDIT) '.[step,vision,viewer,plot]'
 	touch $@
 
 $(VENV)/.test: pyproject.toml $(CORE) $(VENV)/.tools

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import struct
 from typing import NamedTuple
 
@@ -190,16 +191,20 @@ OPTIONS = [
 ]
 
 
-def refused(result, code, message):
+def refused(result, code, message, *, as_json=False):
     assert "Traceback" not in result.err
     assert message in result.err.replace("\n", " ")
     assert result.code == code
-    assert result.out == ""
+    assert bool(result.out) == (as_json and "Usage: " not in result.err)
+    if result.out:
+        document = json.loads(result.out)
+        assert (document["schema"], document["exit_code"]) == ("tanteo.error/1", code)
+        assert message in document["message"]
 
 
-@pytest.mark.parametrize("json", [[], ["--json"]], ids=["plain", "json"])
+@pytest.mark.parametrize("as_json", [[], ["--json"]], ids=["plain", "json"])
 @pytest.mark.parametrize("case", READINGS + OPTIONS, ids=lambda c: c.name)
-def test_refused(run, tmp_path, parts, case, json):
+def test_refused(run, tmp_path, parts, case, as_json):
     path = tmp_path / "r.csv"
     path.write_bytes(case.readings if isinstance(case.readings, bytes) else case.readings.encode())
     args = ["--units", "mm", "--parts", parts]
@@ -207,7 +212,7 @@ def test_refused(run, tmp_path, parts, case, json):
         (tmp_path / "rig.toml").write_text(case.rig)
         args += ["--rig", tmp_path / "rig.toml"]
     # what is typed last wins, so the case may replace --units
-    refused(run("identify", path, *args, *case.args.split(), *json), case.code, case.message)
+    refused(run("identify", path, *args, *case.args.split(), *as_json), case.code, case.message, as_json=bool(as_json))
 
 
 def binary_stl(triangles, claimed=None):
