@@ -102,10 +102,12 @@ def answer(path):
             )
         except SystemExit as ended:
             code = ended.code or 0
+    document = json.loads(out.getvalue())
     if code == 1:
-        raise InputError(error_stream.getvalue() if not out.getvalue() else "")
+        assert document["schema"] == "tanteo.error/1"
+        raise InputError(error_stream.getvalue())
     assert code in (0, 3), code
-    assert json.loads(out.getvalue())["schema"] == "tanteo.recognition/1"
+    assert document["schema"] == "tanteo.recognition/1"
 
 
 READERS = {
