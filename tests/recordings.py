@@ -61,6 +61,21 @@ class Recording:
     ) -> None:
         self.add(topic, "sensor_msgs/msg/Range", t, self.header(t, frame), 1, 0.01, least, most, value)
 
+    def scan(self, t: float, ranges, *, first: float, step: float, gap: float = 0.0, topic: str = "/scan") -> None:
+        values = np.asarray(ranges, dtype=np.float32)
+        limits = (first, first + step * (len(values) - 1), step, gap, 0.0, 0.02, 0.5)
+        none = np.zeros(0, dtype=np.float32)
+        self.add(topic, "sensor_msgs/msg/LaserScan", t, self.header(t, "sensor"), *limits, values, none)
+
+    def cloud(self, t: float, points, *, topic: str = "/cloud") -> None:
+        xyz = np.asarray(points, dtype="<f4")
+        packed = np.concatenate([xyz, np.ones((len(xyz), 1), dtype="<f4")], axis=1)
+        fields = [self.types["sensor_msgs/msg/PointField"](n, 4 * k, 7, 1) for k, n in enumerate(("x", "y", "z", "i"))]
+        data = np.frombuffer(packed.tobytes(), dtype=np.uint8)
+        size = (16, 16 * len(xyz))
+        self.add(topic, "sensor_msgs/msg/PointCloud2", t, self.header(t, "sensor"), 1, len(xyz), fields, False, *size,
+                 data, True)  # fmt: skip
+
     def point(self, t: float, place, frame: str = "base", topic: str = "/touch") -> None:
         at = self.types["geometry_msgs/msg/Point"](*map(float, place))
         self.add(topic, "geometry_msgs/msg/PointStamped", t, self.header(t, frame), at)

@@ -156,6 +156,7 @@ def identify(
         note = about_conventions(answer, readings, parts, question, placed=placed, settings=settings)
         answer = with_elapsed(answer, conventions=time.perf_counter() - start)
     note = note or frames  # a mistake that explains the readings is more specific than an odd frame
+    answer = replace(answer, frame=readings.frame, stamp=readings.stamp)
     return answer if note is None else answer.adding(note)
 
 

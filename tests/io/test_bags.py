@@ -10,6 +10,7 @@ import pytest
 
 from tanteo import io
 from tanteo.errors import ReadingsError
+from tanteo.geometry import SE3, SO3
 from tanteo.io import read_readings
 
 rosbags = pytest.importorskip("rosbags", reason="the extra tanteo[bags] is not installed")
@@ -96,7 +97,7 @@ def test_topics_and_worlds_are_named(tmp_path):
     assert np.allclose(static.directions[0], T_HAND_SENSOR[:3, 0], atol=1e-6)
     with pytest.raises(ReadingsError, match="Did you mean"):
         read_readings(path, topics=["/rang"])
-    with pytest.raises(ReadingsError, match="expected a frame over 'sensor'"):
+    with pytest.raises(ReadingsError, match="expected a frame that transforms connect with 'sensor'"):
         read_readings(path, world="map")
     with pytest.raises(ReadingsError, match="topics of one type"):
         read_readings(path, topics=["/range", "/touch"])
@@ -244,7 +245,7 @@ def test_of_two_topics_of_hand_poses_one_is_named(tmp_path):
 
 
 def test_a_recording_without_readings_is_reported(tmp_path):
-    with pytest.raises(ReadingsError, match=r"sensor_msgs/Range or geometry_msgs/PointStamped, got none"):
+    with pytest.raises(ReadingsError, match=r"geometry_msgs/PointStamped, got /tf"):
         read_readings(Recording("mcap").moving().write(tmp_path))
 
 
@@ -260,3 +261,58 @@ def test_a_message_without_a_field_is_refused_by_name():
     header = SimpleNamespace(stamp=stamp, frame_id="tof")
     with pytest.raises(ReadingsError, match=r"/range: expected messages of sensor_msgs/msg/Range .*max_range"):
         messages.take("/range", 1.0, SimpleNamespace(header=header, range=0.1, min_range=0.0))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_beams_of_a_scan_have_stamps_of_their_own(kind, tmp_path):
+    recording = Recording(kind).moving()
+    recording.scan(0.5, [0.2, np.inf, np.nan, 0.3], first=-0.2, step=0.1, gap=0.05)
+    readings = read_readings(recording.write(tmp_path))
+    assert readings.ids == ("1.1", "1.2", "1.3")
+    assert readings.is_free.tolist() == [False, True, False]
+    for row, (k, distance) in enumerate(((0, 0.2), (1, 0.0), (3, 0.3))):
+        T, angle = hand(0.5 + 0.05 * k) @ T_HAND_SENSOR, -0.2 + 0.1 * k
+        beam = T[:3, :3] @ [np.cos(angle), np.sin(angle), 0]
+        np.testing.assert_allclose(readings.directions[row], beam, atol=1e-6)
+        np.testing.assert_allclose(readings.points[row], T[:3, 3] + distance * beam, atol=1e-6)
+
+
+def test_points_of_a_cloud_are_seen_from_their_frame(tmp_path):
+    recording = Recording("mcap").moving()
+    local = np.array([[0.1, 0.02, 0.03], [np.nan, 0, 0], [0.2, -0.05, 0.0]])
+    recording.cloud(0.55, local)
+    readings = read_readings(recording.write(tmp_path))
+    T = hand(0.55) @ T_HAND_SENSOR
+    seen = local[[0, 2]] @ T[:3, :3].T
+    np.testing.assert_allclose(readings.points[:], seen + T[:3, 3], atol=1e-6)
+    np.testing.assert_allclose(readings.directions[:], seen / np.linalg.norm(seen, axis=1, keepdims=True), atol=1e-5)
+
+
+def test_dense_lines_count_no_more_than_others(tmp_path):
+    recording = Recording("mcap").moving()
+    for k in range(40):  # slow at first: nine tenths of the lines within a tenth of the way
+        recording.scan(0.1 + (0.003 * k if k < 36 else 0.1 * (k - 34)), np.full(200, 0.2), first=-0.3, step=0.003)
+    readings = read_readings(recording.write(tmp_path), max_points=150)
+    lines = np.array([int(name.partition(".")[0]) for name in readings.ids])
+    assert 50 < len(readings) <= 150
+    assert (lines > 36).sum() > 0.25 * len(readings)
+
+
+def test_any_frame_of_the_tree_is_a_world(tmp_path):
+    recording = Recording("mcap").moving()
+    T_base_table = SE3.from_parts(SO3.axis_rotation(2, 0.7), np.array([0.3, 0.1, -0.2]))
+    recording.transform("/tf_static", 0.0, "base", "table", T_base_table)
+    recording.range(0.5, 0.2)
+    path = recording.write(tmp_path)
+    base, table = read_readings(path), read_readings(path, world="table")
+    np.testing.assert_allclose(SE3.apply(T_base_table, table.points[:]), base.points[:], atol=1e-9)
+    assert (base.frame, table.frame) == ("base", "table")
+    assert table.stamp == pytest.approx(0.5)
+    with pytest.raises(ReadingsError, match="table"):
+        read_readings(path, world="tabel")
+
+
+def test_a_field_of_view_is_a_spread_across_the_beam(tmp_path):
+    recording = Recording("mcap").moving()
+    recording.range(0.5, 0.2)
+    assert read_readings(recording.write(tmp_path)).across_sds[0] == pytest.approx(0.25 * 0.01 * 0.2)

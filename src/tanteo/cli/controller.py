@@ -122,9 +122,12 @@ class Words:
             frame = self._frame(answer, parts)
             where = {"controller": self.wcs.controller, "frame": self.wcs.slot}
             return {key: {**where, "text": frame.text, "warnings": [*_doubts(answer), *frame.warnings]}}
-        pose = io.write_pose(self.pose_as or "", _upright(best, part_named(parts, best.part)))
-        facts = {"name": pose.name, "units": pose.units, "verified": pose.verified, "values": pose.values}
-        return {key: {**facts, "text": pose.text, "warnings": _doubts(answer)}}
+        pose = io.write_pose(
+            self.pose_as or "", _upright(best, part_named(parts, best.part)), answer.frame, answer.stamp
+        )
+        facts = {"name": pose.name, "frame": answer.frame, "units": pose.units, "verified": pose.verified}
+        doubts = [*_doubts(answer), *filter(None, [_frame_doubt(answer.frame, pose.name)])]
+        return {key: {**facts, "values": pose.values, "text": pose.text, "warnings": doubts}}
 
     def text(self, answer: Answer, parts: Sequence[Part]) -> str:
         """Return the text for standard output, and print warnings; empty if the answer is not written.
@@ -145,9 +148,13 @@ class Words:
             for warning in frame.warnings:
                 complain("warning", f"--wcs: {warning}")
             return frame.text
-        pose = io.write_pose(self.pose_as or "", _upright(best, part_named(parts, best.part)))
+        pose = io.write_pose(
+            self.pose_as or "", _upright(best, part_named(parts, best.part)), answer.frame, answer.stamp
+        )
         if not pose.verified:
             complain("warning", f"--as {pose.name}: {_UNVERIFIED} ({io.BRANDS[pose.name].source}).")
+        if why := _frame_doubt(answer.frame, pose.name):
+            complain("warning", f"--as {pose.name}: {why}")
         return f"{pose.text}\n"
 
     def refused(self, answer: Answer) -> str | None:
@@ -192,6 +199,19 @@ class Words:
 
 
 _UNVERIFIED = "the convention was not verified in the brand's documentation: confirm one pose on your controller"
+
+
+def _frame_doubt(frame: str, name: str) -> str:
+    """Return a sentence on the frame of a pose for a controller; empty for a frame without a name of its own."""
+    if frame == "world" or name in ("ros", "gtsam", "matrix"):
+        return ""
+    note = f"the pose is in the frame '{frame}'."
+    if name == "ur" and frame.rpartition("/")[2].endswith("base_link"):
+        note += (
+            " The controller of a Universal Robot has it in 'base', which is turned by 180 degrees about z: use "
+            f"--world {frame.removesuffix('_link')}."
+        )
+    return note
 
 
 def _doubts(answer: Answer) -> list[str]:

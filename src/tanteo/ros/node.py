@@ -27,6 +27,8 @@ from tanteo.words.findings import Stated
 
 _DISCOVERY, _PROCESSING, _DIAGNOSTICS = 0.5, 0.05, 1.0
 """Intervals of topic discovery, of processing of readings, and of diagnostics [s]."""
+_SOURCES = io.documents.RANGE, io.documents.POINT
+"""Types of messages that the node takes readings from; scans are read from recordings."""
 _DEPTH = 1000
 """Depth of the subscription queues [messages]."""
 
@@ -115,7 +117,7 @@ class RosNode:
         """Subscribe to new relevant topics."""
         own, topics = f"/{self.settings.name}/", self.node.get_topic_names_and_types()
         there = {topic: kinds[0] for topic, kinds in topics if not topic.startswith(own)}
-        for topic, kind in io.documents.wanted_topics(there, self.intake.options).items():
+        for topic, kind in io.documents.wanted_topics(there, self.intake.options, _SOURCES).items():
             if topic not in self._subscribed:
                 self._subscribed[topic] = None
                 self._subscribe(topic, kind)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -127,6 +128,8 @@ class Readings(Value):
         material_sides: ``hole``, ``boss`` or ``''`` for rows that state a centre.
         source: origin of the readings (a file name), for messages.
         notes: sentences about assumptions and ignored content of the file.
+        frame: name of the frame that is called the world here: that of points, directions, normals and hand poses.
+        stamp: time of the last reading [s]; NaN if unknown.
 
     Example:
         >>> readings = tanteo.Readings.from_columns(points=[[0.1, 0.0, 0.02], [0.12, 0.01, 0.02]], sds=[3e-4, 3e-4])
@@ -154,6 +157,8 @@ class Readings(Value):
     material_sides: tuple[str, ...]
     source: str = field(default="readings")
     notes: tuple[str, ...] = ()
+    frame: str = "world"
+    stamp: float = math.nan
 
     def __post_init__(self) -> None:
         n = len(self.ids)
@@ -212,6 +217,8 @@ class Readings(Value):
         material_sides: Sequence[str] | None = None,
         source: str = "readings",
         notes: Sequence[str] = (),
+        frame: str = "world",
+        stamp: float = math.nan,
     ) -> Readings:
         """Return readings from the given columns in metres and radians, world frame.
 
@@ -241,6 +248,8 @@ class Readings(Value):
             material_sides: ``hole``, ``boss`` or empty for each row.
             source: origin of the readings (a file name), for messages.
             notes: sentences about assumptions and ignored content.
+            frame: name of the frame in which points, directions and poses are.
+            stamp: time of the last reading [s]; NaN if unknown.
 
         Raises:
             ReadingsError: a column is invalid; the message names column, reading and value.
@@ -268,6 +277,8 @@ class Readings(Value):
             radii=np.zeros(n) if radii is None else radii,
             source=source,
             notes=tuple(notes),
+            frame=frame,
+            stamp=stamp,
             **{name: column_of(name, column, n, _COLUMNS[name]) for name, column in columns.items()},
         )
 
@@ -282,7 +293,7 @@ class Readings(Value):
         names: dict[str, Any] = {k: tuple(getattr(self, k)[i] for i in index) for k in _NAMES}
         return Readings(
             **names, **columns, radii=self.radii[index], is_free=self.is_free[index], source=self.source,
-            notes=self.notes,
+            notes=self.notes, frame=self.frame, stamp=self.stamp,
         )  # fmt: skip
 
 
@@ -325,7 +336,7 @@ def concatenate(parts: Sequence[Readings]) -> Readings:
         parts: sets of readings; their names must differ.
 
     Raises:
-        ReadingsError: there is no set, or a name occurs twice.
+        ReadingsError: there is no set, a name occurs twice, or the sets are in different frames.
     """
     if not parts:
         raise ReadingsError("readings: expected at least one set to join, got none.")
@@ -333,4 +344,7 @@ def concatenate(parts: Sequence[Readings]) -> Readings:
     columns |= {k: np.concatenate([getattr(p, k) for p in parts]) for k in ("radii", "is_free")}
     names: dict[str, Any] = {k: tuple(x for p in parts for x in getattr(p, k)) for k in _NAMES}
     notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
-    return Readings(**names, **columns, source=parts[0].source, notes=notes)
+    if len(frames := {part.frame for part in parts}) > 1:
+        raise ReadingsError(f"readings: expected one frame, got {', '.join(sorted(frames))}. Transform them to one.")
+    stamp = max(part.stamp for part in parts)
+    return Readings(**names, **columns, source=parts[0].source, notes=notes, frame=parts[0].frame, stamp=stamp)

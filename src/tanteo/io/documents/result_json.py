@@ -55,13 +55,14 @@ def document_json(document: dict[str, Any], warnings: Sequence[str] = (), indent
     return json.dumps(strict(document | more), indent=indent, allow_nan=False) + "\n"
 
 
-def recognition_document(answer: Answer, frame: str = "world") -> dict[str, Any]:
+def recognition_document(answer: Answer, frame: str | None = None) -> dict[str, Any]:
     """Return an answer as plain dictionaries, lists, strings and numbers; numbers that are not finite become ``None``.
 
     Args:
         answer: the answer.
-        frame: name of the frame of its poses.
+        frame: name of the frame of its poses; None for that of the answer.
     """
+    frame = frame or answer.frame
     document = {
         "schema": "tanteo.recognition/1", "version": __version__, "seed": int(answer.seed), "status": answer.status,
         "message": answer.message, "hypotheses": [_hypothesis(h, frame) for h in answer.hypotheses],

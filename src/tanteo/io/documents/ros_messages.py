@@ -1,11 +1,13 @@
 """Collect ROS messages with readings and transforms, from a recording or live.
 
-Supported types are ``sensor_msgs/Range``, ``geometry_msgs/PointStamped``, ``PoseStamped`` and ``tf2_msgs/TFMessage``,
-as objects with the fields of these types (from rosbags or rclpy).
+Supported types are ``sensor_msgs/Range``, ``LaserScan`` and ``PointCloud2``, ``geometry_msgs/PointStamped``,
+``PoseStamped`` and ``tf2_msgs/TFMessage``, as objects with the fields of these types (from rosbags or rclpy). Each beam
+of a scan has its own stamp.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -17,7 +19,14 @@ from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.io.poses.transforms import FrameTree, Track, pose_of
 
 RANGE, POINT, POSE = "sensor_msgs/msg/Range", "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/PoseStamped"
+SCAN, CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
 """Supported message types other than transforms."""
+BEAMS, SOURCES = (RANGE, SCAN), (RANGE, SCAN, POINT, CLOUD)
+"""Message types of ranges, and of all readings, the preferred ones first."""
+_PER_MESSAGE = 256
+"""Largest number of beams or points of one message that are kept, evenly chosen: neighbours share their errors."""
+_FLOATS = {7: "f4", 8: "f8"}
+"""NumPy types of the numbers of a point cloud by code of ``sensor_msgs/PointField``."""
 TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 """Supported types of transform messages."""
 _SET_BACK = 1.0
@@ -46,13 +55,15 @@ class RosOptions:
 class Row(NamedTuple):
     """Values of one message, with its stamp [s] and frame.
 
-    For a range: distance, smallest range, largest range, variance. For a point: x, y, z. For a pose: the rows of its
-    matrix.
+    For a range: distance, smallest range, largest range, variance, direction x, y, z in its frame, full field of view.
+    For a point: x, y, z. For a pose: the rows of its matrix. The number of the message distinguishes scans; it is 0 for
+    others.
     """
 
     stamp: float
     frame: str
     values: tuple[float, ...]
+    message: int = 0
 
 
 @dataclass(slots=True, eq=False)
@@ -67,6 +78,7 @@ class RosMessages:
         lags: delays between stamp and reception [s].
         overlaps: intervals of stamps (start, end) that occur twice because a clock was set back [s].
         broken: number of messages with invalid numbers.
+        scans: number of scans and clouds.
         latest: largest stamp so far by publisher [s].
     """
 
@@ -77,6 +89,7 @@ class RosMessages:
     lags: list[float] = field(default_factory=list)
     overlaps: list[tuple[float, float]] = field(default_factory=list)
     broken: int = 0
+    scans: int = 0
     latest: dict[str, float] = field(default_factory=dict)
 
     def take(self, topic: str, received: float, message: Any) -> None:
@@ -105,12 +118,18 @@ class RosMessages:
                 self._frame(one, static=topic.endswith("tf_static"))
             return
         stamp = _seconds(message.header.stamp)
-        values = tuple(map(float, _VALUES[kind](message)))
-        if kind != RANGE and not np.isfinite(values).all():
-            self.broken += 1
-            return
+        frame, rows = _name(message.header.frame_id), self.rows.setdefault(topic, [])
+        if kind in (SCAN, CLOUD):
+            self.scans += 1
+            made = _scan_rows(message, stamp) if kind == SCAN else _cloud_rows(message, stamp)
+            rows += [Row(when, frame, values, self.scans) for when, values in made]
+        else:
+            values = tuple(map(float, _VALUES[kind](message)))
+            if kind != RANGE and not np.isfinite(values).all():
+                self.broken += 1
+                return
+            rows.append(Row(stamp, frame, values))
         self._clock(topic, stamp)
-        self.rows.setdefault(topic, []).append(Row(stamp, _name(message.header.frame_id), values))
         if kind != POSE and 0 <= received - stamp < _LATEST:
             self.lags.append(received - stamp)
 
@@ -167,16 +186,17 @@ class RosMessages:
         rows = {topic: [row for row in known if row.stamp >= moment] for topic, known in self.rows.items()}
         overlaps = [one for one in self.overlaps if one[1] >= moment]
         return RosMessages(
-            samples, self.static, rows, self.kinds, self.lags[-_LAGS:], overlaps, self.broken, self.latest
+            samples, self.static, rows, self.kinds, self.lags[-_LAGS:], overlaps, self.broken, self.scans, self.latest
         )  # fmt: skip
 
 
-def wanted_topics(there: Mapping[str, str], options: RosOptions) -> dict[str, str]:
+def wanted_topics(there: Mapping[str, str], options: RosOptions, sources: Sequence[str] = SOURCES) -> dict[str, str]:
     """Return the relevant topics with their types; named topics replace the other topics of their kind.
 
     Args:
         there: available topics with their types.
         options: named topics.
+        sources: message types that may supply readings.
     """
     named = [topic for topic in options.topics if topic in there]
     hands = [topic for topic in named if there[topic] == POSE]
@@ -185,7 +205,7 @@ def wanted_topics(there: Mapping[str, str], options: RosOptions) -> dict[str, st
     def matters(topic: str, kind: str) -> bool:
         if kind == POSE:
             return not hands or topic in hands
-        return kind in TF or (kind in (RANGE, POINT) and (not readings or topic in readings))
+        return kind in TF or (kind in sources and (not readings or topic in readings))
 
     return {topic: kind for topic, kind in there.items() if matters(topic, kind)}
 
@@ -220,15 +240,20 @@ def topics_of(messages: RosMessages, options: RosOptions, source: str) -> tuple[
     Raises:
         ReadingsError: there is no topic with readings, or the named ones have two types.
     """
-    topics = [t for t, kind in messages.kinds.items() if kind in (RANGE, POINT) and messages.rows.get(t)]
+    topics = [t for t, kind in messages.kinds.items() if kind in SOURCES and messages.rows.get(t)]
     if not topics:
+        there = ", ".join(f"{topic} ({kind.replace('/msg', '')})" for topic, kind in messages.kinds.items()) or "none"
         raise ReadingsError(
-            f"{source}: expected messages of sensor_msgs/Range or geometry_msgs/PointStamped, got none. Name --topic."
+            f"{source}: expected messages of sensor_msgs/Range, LaserScan or PointCloud2, or of "
+            f"geometry_msgs/PointStamped, got {there}. Record one of them, or name its --topic."
         )
-    if len({messages.kinds[t] for t in topics}) > 1:
+    kinds = {messages.kinds[t] for t in topics}
+    if len(kinds) > 1:
         if options.topics:
-            raise ReadingsError(f"{source}: expected topics of one type, got ranges and points. Name one --topic.")
-        topics = [t for t in topics if messages.kinds[t] == RANGE]
+            words = ", ".join(sorted(kind.replace("/msg", "") for kind in kinds))
+            raise ReadingsError(f"{source}: expected topics of one type, got {words}. Name one --topic.")
+        first = next(kind for kind in SOURCES if kind in kinds)
+        topics = [t for t in topics if messages.kinds[t] == first]
     return topics, [] if options.topics else [f"Readings are taken from {', '.join(topics)}; --topic chooses others."]
 
 
@@ -254,9 +279,9 @@ def is_usable(kind: str, row: Row) -> bool:
         kind: message type.
         row: values of the message.
     """
-    if kind != RANGE:
+    if kind not in BEAMS:
         return True
-    distance, least, most, _ = row.values
+    distance, least, most, *_ = row.values
     return distance > 0 and distance >= least and (np.isfinite(distance) or most > 0)  # NaN is none of it
 
 
@@ -271,7 +296,42 @@ def pose_in(row: Row) -> Transforms:
 
 def _range(message: Any) -> tuple[float, ...]:
     # only later releases of ROS 2 have a variance; 0 means unknown
-    return message.range, message.min_range, message.max_range, getattr(message, "variance", 0.0)
+    variance, field_of_view = getattr(message, "variance", 0.0), getattr(message, "field_of_view", 0.0)
+    return message.range, message.min_range, message.max_range, variance, 1.0, 0.0, 0.0, field_of_view
+
+
+def _scan_rows(message: Any, stamp: float) -> Iterator[tuple[float, tuple[float, ...]]]:
+    """Yield stamp and values of each beam of a scan: about z of its frame, counted from x."""
+    ranges = np.asarray(message.ranges, dtype=np.float64)
+    for k in _chosen(len(ranges)):
+        angle = float(message.angle_min) + k * float(message.angle_increment)
+        limits = float(message.range_min), float(message.range_max)
+        values = (float(ranges[k]), *limits, 0.0, math.cos(angle), math.sin(angle), 0.0, 0.0)
+        yield stamp + k * float(message.time_increment), values
+
+
+def _cloud_rows(message: Any, stamp: float) -> Iterator[tuple[float, tuple[float, ...]]]:
+    """Yield stamp and coordinates of each finite point of a cloud."""
+    order = ">" if message.is_bigendian else "<"
+    fields = {one.name: one for one in message.fields if one.name in ("x", "y", "z")}
+    if fields.keys() != {"x", "y", "z"} or any(one.datatype not in _FLOATS for one in fields.values()):
+        raise ValueError("a cloud without x, y and z as floating-point numbers")
+    kind = np.dtype({
+        "names": list(fields), "formats": [order + _FLOATS[one.datatype] for one in fields.values()],
+        "offsets": [one.offset for one in fields.values()], "itemsize": message.point_step,
+    })  # fmt: skip
+    data = np.frombuffer(bytes(message.data), dtype=np.uint8)
+    rows = data[: message.height * message.row_step].reshape(message.height, message.row_step)
+    packed = np.ascontiguousarray(rows[:, : message.width * message.point_step]).view(kind).ravel()
+    points = np.stack([packed[name].astype(np.float64) for name in "xyz"], axis=-1)
+    points = points[np.isfinite(points).all(axis=1) & (np.abs(points).max(axis=1, initial=0.0) > 0)]
+    for k in _chosen(len(points)):
+        yield stamp, tuple(points[k].tolist())
+
+
+def _chosen(n: int) -> list[int]:
+    """Return the indices of evenly chosen beams of a message with ``n``."""
+    return list(range(n)) if n <= _PER_MESSAGE else np.linspace(0, n - 1, _PER_MESSAGE).round().astype(int).tolist()
 
 
 def _point(message: Any) -> tuple[float, float, float]:

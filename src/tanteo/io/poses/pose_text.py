@@ -7,6 +7,7 @@ less than a micrometre at a distance of one metre. ROS and GTSAM also take the c
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -67,13 +68,14 @@ def check_pose_name(name: str) -> str:
     return name
 
 
-def write_pose(name: str, frame: UncertainFrame, parent: str = "world") -> WrittenPose:
+def write_pose(name: str, frame: UncertainFrame, parent: str = "world", stamp: float = math.nan) -> WrittenPose:
     """Return the pose of a frame in the syntax of a controller.
 
     Args:
         name: one of :data:`POSE_NAMES`.
         frame: pose in its parent frame, with covariance.
         parent: name of the parent frame, for ROS headers.
+        stamp: time of the last reading, for ROS headers [s]; NaN if unknown.
 
     Raises:
         InputError: the name is unknown.
@@ -93,7 +95,7 @@ def write_pose(name: str, frame: UncertainFrame, parent: str = "world") -> Writt
         return WrittenPose(name, text, tuple(float(v) for row in rows for v in row), "m", True)
     brand = BRANDS[name]
     fields = brand_fields(name, frame)
-    text = brand.syntax.format(*fields) if name != "ros" else _ros(fields, frame, parent)
+    text = brand.syntax.format(*fields) if name != "ros" else _ros(fields, frame, parent, stamp)
     return WrittenPose(name, text, tuple(map(float, fields)), units_of(brand), brand.verified)
 
 
@@ -177,17 +179,18 @@ def _gtsam_lines(rows: list[list[str]], covariance: FloatArray) -> Iterator[str]
     yield "noise = gtsam.noiseModel.Gaussian.Covariance(covariance)"
 
 
-def _ros(fields: list[str], frame: UncertainFrame, parent: str) -> str:
+def _ros(fields: list[str], frame: UncertainFrame, parent: str, stamp: float) -> str:
     """Return a ``geometry_msgs/PoseWithCovarianceStamped`` in YAML.
 
     Its covariance is along the axes of the header's frame.
     """
     x, y, z, qx, qy, qz, qw = fields
     C = as_ros_covariance(frame).reshape(6, 6)
+    seconds, nanoseconds = divmod(0 if math.isnan(stamp) else round(1e9 * stamp), 1_000_000_000)
     return "\n".join(
         [
             "header:",
-            "  stamp: {sec: 0, nanosec: 0}",
+            f"  stamp: {{sec: {seconds}, nanosec: {nanoseconds}}}",
             f"  frame_id: {parent}",
             "pose:",
             "  pose:",

@@ -97,17 +97,43 @@ class FrameTree:
         """Return ``T_world_frame`` at several times, and the mask of times at which the whole chain is known.
 
         Args:
-            world: name of an ancestor of the frame.
+            world: name of any frame of the same tree.
             frame: name of the frame.
             times: query times ``(m,)`` [s].
 
         Returns:
             Poses ``(m, 4, 4)``, and the mask ``(m,)``.
         """
+        chain, other = self.chain(frame), self.chain(world)
+        common = next(name for name in chain if name in other)
+        T, known = self._up(chain, common, times)
+        if common == world:
+            return T, known
+        T_common_world, there = self._up(other, common, times)
+        return SE3.inverse(T_common_world) @ T, known & there
+
+    def connects(self, frame: str, other: str) -> bool:
+        """Return whether two frames are in one tree.
+
+        Args:
+            frame: name of a frame.
+            other: name of another frame.
+        """
+        return self.chain(frame)[-1] == self.chain(other)[-1]
+
+    def frames(self, frame: str) -> list[str]:
+        """Return all frames of the tree of a frame, by name.
+
+        Args:
+            frame: name of a frame.
+        """
+        return sorted(one for one in {*self.parents, *self.parents.values()} if self.connects(one, frame))
+
+    def _up(self, chain: list[str], top: str, times: FloatArray) -> tuple[Transforms, BoolArray]:
+        """Return the poses of the first frame of a chain in a later one."""
         T = np.repeat(np.eye(4)[None], len(times), axis=0)
         known = np.ones(len(times), dtype=bool)
-        chain = self.chain(frame)
-        for child in chain[: chain.index(world)]:
+        for child in chain[: chain.index(top)]:
             step, there = self.tracks[child].at(times)
             T = step @ T
             known = known & there

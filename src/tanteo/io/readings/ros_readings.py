@@ -1,7 +1,8 @@
 """Convert ROS messages to readings in the world frame at their stamps.
 
-The beam of ``sensor_msgs/Range`` runs along +x of its frame. Minus infinity means too near, plus infinity means that
-nothing was hit (REP 117). Transforms are not extrapolated: a reading without all transforms at its stamp is discarded.
+The beam of ``sensor_msgs/Range`` runs along +x of its frame, those of a scan in its x-y plane. Minus infinity means too
+near, plus infinity means that nothing was hit (REP 117). Transforms are not extrapolated: a reading without all
+transforms at its stamp is discarded.
 """
 
 from __future__ import annotations
@@ -11,11 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.errors import ReadingsError
+from tanteo.errors import ReadingsError, did_you_mean
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.io.documents.ros_messages import (
+    BEAMS,
+    CLOUD,
     POSE,
-    RANGE,
+    SCAN,
     RosMessages,
     RosOptions,
     Row,
@@ -33,6 +36,8 @@ from tanteo.sensors import Readings
 
 BAG = RECORDING
 """Name of the format of ROS recordings."""
+_MOST_SCANNED, _HALVINGS = 200_000, 24
+"""Largest number of beams of scans that are placed, and halvings of the search for the size of a grid's cells."""
 _FORM = LogFormat(BAG, "a recording of ROS", lambda contents: False, lambda contents: Log())
 
 
@@ -67,24 +72,61 @@ def readings_at(
         ReadingsError: no topic has readings, or the transforms do not connect the frames.
     """
     topics, notes = topics_of(messages, options, source)
-    beams = messages.kinds[topics[0]] == RANGE
-    rows = _drawn(_usable(messages, topics, source, notes), stated, notes)
+    kind = messages.kinds[topics[0]]
+    beams, scanned = kind in BEAMS, kind in (SCAN, CLOUD)
+    rows = _usable(messages, topics, source, notes)
+    rows = _drawn(rows, _MOST_SCANNED if scanned else stated.max_points, notes)
     tree = messages.tree()
     later = [replace(options, latency=options.latency + shift) for shift in shifts]
     places = [placing(messages, tree, rows, beams, source, one) for one in later]
     notes += [*_message_notes(messages, options), *places[0].notes]
     kept = _kept(np.logical_and.reduce([place.known for place in places]), places[0], source, notes)
+    if scanned and stated.max_points is not None and len(kept) > stated.max_points:
+        chosen = _spread(_sensed([rows[k] for k in kept], places[0].Ts[kept], beams), stated.max_points)
+        notes.append(
+            f"{len(chosen)} of {len(kept)} readings of scans are used, spread evenly over what was sensed. "
+            "--max-points sets their number."
+        )
+        kept = [kept[k] for k in chosen]
     rows = [rows[k] for k in kept]
-    ids = tuple(str(k + 1) for k in kept)
+    ids = tuple(f"{rows[i].message}.{k + 1}" if scanned else str(k + 1) for i, k in enumerate(kept))
+    stamp = max(row.stamp for row in rows)
     if not beams:
-        return tuple(_points(rows, ids, place.Ts[kept], source, stated, notes) for place in places)
-    made = _beams if places[0].hand is None else _on_hand
-    return tuple(made(rows, ids, place.Ts[kept], source, notes) for place in places)
+        out = (_points(rows, ids, place.Ts[kept], source, stated, notes, seen=scanned) for place in places)
+    else:
+        made = _beams if places[0].hand is None else _on_hand
+        out = (made(rows, ids, place.Ts[kept], source, notes) for place in places)
+    return tuple(replace(one, frame=places[0].world, stamp=stamp) for one in out)
 
 
-def _drawn(rows: list[Row], stated: Stated, notes: list[str]) -> list[Row]:
-    """Return at most ``max_points`` evenly spaced rows, because neighbours in a dense recording are redundant."""
-    most = stated.max_points
+def _sensed(rows: Sequence[Row], Ts: Transforms, beams: bool) -> FloatArray:
+    """Return the sensed points in the world ``(n, 3)``; the ends of beams that hit nothing."""
+    values = np.array([row.values for row in rows])
+    local = np.nan_to_num(values[:, :1], posinf=0.0) * values[:, 4:7] if beams else values
+    return np.einsum("nij,nj->ni", Ts[:, :3, :3], local) + Ts[:, :3, 3]
+
+
+def _spread(points: FloatArray, most: int) -> list[int]:
+    """Return the indices of at most ``most`` points, one in each occupied cell of the finest grid with so few cells.
+
+    Dense lines and slow parts of a motion then count no more than others: the information about a pose is in where and
+    on which faces the points are, and neighbours on a line share their errors.
+    """
+    span = float(np.ptp(points, axis=0).max())
+    low, high, best = 0.0, max(span, 1e-9), np.zeros(1, dtype=np.int64)
+    for _ in range(_HALVINGS):
+        size = 0.5 * (low + high)
+        cells = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
+        _, first = np.unique(cells, axis=0, return_index=True)
+        if len(first) > most:
+            low = size
+        else:
+            high, best = size, first
+    return sorted(best.tolist())
+
+
+def _drawn(rows: list[Row], most: int | None, notes: list[str]) -> list[Row]:
+    """Return at most ``most`` evenly spaced rows, because neighbours in a dense recording are redundant."""
     if most is None or len(rows) <= most:
         return rows
     notes.append(f"{most} of {len(rows)} readings are used, evenly chosen. --max-points sets their number.")
@@ -203,10 +245,11 @@ def _world(tree: FrameTree, frames: Sequence[str], source: str, options: RosOpti
     """Return the world frame, and a note if it was chosen automatically."""
     if options.world is not None:
         for frame in frames:
-            if options.world not in tree.chain(frame):
-                over = " in ".join(tree.chain(frame))
+            if not tree.connects(options.world, frame):
+                there = ", ".join(tree.frames(frame))
                 raise ReadingsError(
-                    f"{source}, --world: expected a frame over '{frame}' ({over}), got '{options.world}'."
+                    f"{source}, --world: expected a frame that transforms connect with '{frame}' ({there}), got "
+                    f"'{options.world}'.{did_you_mean(options.world, tree.frames(frame))}"
                 )
         return options.world, ()
     roots = {tree.chain(frame)[-1] for frame in frames}
@@ -235,7 +278,7 @@ def _kept(known: BoolArray, place: Placing, source: str, notes: list[str]) -> li
 
 def _values(rows: Sequence[Row]) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray | None]:
     """Return ranges [m], largest ranges [m], mask of beams that hit nothing, and standard deviations [m] if stated."""
-    ranges, _, most, variances = np.array([row.values for row in rows], dtype=np.float64).T
+    ranges, _, most, variances = np.array([row.values[:4] for row in rows], dtype=np.float64).T
     # 0 means that the publisher left the field empty
     stated = variances > 0
     limited = most > 0
@@ -246,13 +289,24 @@ def _values(rows: Sequence[Row]) -> tuple[FloatArray, FloatArray, BoolArray, Flo
 
 def _beams(rows: Sequence[Row], ids: Sequence[str], Ts: Transforms, source: str, notes: Sequence[str]) -> Readings:
     ranges, most, free, sds = _values(rows)
-    axes = Ts[:, :3, 0]
+    local = np.array([row.values[4:] for row in rows])
+    axes = np.einsum("nij,nj->ni", Ts[:, :3, :3], local[:, :3])
     origins = Ts[:, :3, 3]
     points = origins + np.where(free, 0.0, ranges)[:, None] * axes
     return Readings.from_columns(
         points, ids=ids, directions=axes, ranges=np.where(free, np.nan, ranges), is_free=free, sds=sds,
-        max_ranges=np.where(free, most, np.nan), source=source, notes=notes,
+        max_ranges=np.where(free, most, np.nan), across_sds=_across(ranges, free, local[:, 3]), source=source,
+        notes=notes,
     )  # fmt: skip
+
+
+def _across(ranges: FloatArray, free: BoolArray, fields_of_view: FloatArray) -> FloatArray | None:
+    """Return standard deviations across the beams [m], half of the half angle times the range; None if none is stated.
+
+    The same rule gives that of a preset's cone (``docs/formats.md``).
+    """
+    wide = ~free & (fields_of_view > 0) & (fields_of_view < np.pi)
+    return np.where(wide, 0.25 * fields_of_view * np.where(free, 0.0, ranges), np.nan) if wide.any() else None
 
 
 def _on_hand(rows: Sequence[Row], ids: Sequence[str], Ts: Transforms, source: str, notes: Sequence[str]) -> Readings:
@@ -266,9 +320,11 @@ def _on_hand(rows: Sequence[Row], ids: Sequence[str], Ts: Transforms, source: st
 
 
 def _points(
-    rows: Sequence[Row], ids: tuple[str, ...], Ts: Transforms, source: str, stated: Stated, notes: Sequence[str]
-) -> Readings:
-    local = np.array([row.values for row in rows])
-    points = np.einsum("nij,nj->ni", Ts[:, :3, :3], local) + Ts[:, :3, 3]
-    log = Log(points=points, unit="m", ids=ids, notes=tuple(notes))
+    rows: Sequence[Row], ids: tuple[str, ...], Ts: Transforms, source: str, stated: Stated, notes: Sequence[str],
+    *, seen: bool,
+) -> Readings:  # fmt: skip
+    """Return points in the world; those of a cloud are seen from the origin of their frame."""
+    points = _sensed(rows, Ts, beams=False)
+    away = points - Ts[:, :3, 3] if seen and stated.direction is None else None
+    log = Log(points=points, directions=away, unit="m", ids=ids, notes=tuple(notes))
     return readings_of(log, stated, _FORM, source)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -96,6 +97,8 @@ class Answer(Value):
         elapsed: elapsed seconds by stage.
         seed: seed of the search; the same seed gives the same answer.
         significance: significance level of the tests for the status: a p-value below it rejects.
+        frame: name of the frame of all poses, that of the readings.
+        stamp: time of the last reading [s]; NaN if unknown.
 
     Example:
         >>> part = tanteo.read_part("parts/bracket_left.step")
@@ -111,6 +114,8 @@ class Answer(Value):
     elapsed: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
     significance: float = SIGNIFICANCE
+    frame: str = "world"
+    stamp: float = math.nan
 
     @property
     def message(self) -> str:

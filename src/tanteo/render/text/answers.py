@@ -22,7 +22,7 @@ def answer_lines(
     answer: Answer,
     known: PosePrior | None = None,
     *,
-    frame: str = "world",
+    frame: str | None = None,
     verbose: bool = False,
     layout: Layout = PLAIN,
 ) -> list[str]:
@@ -31,11 +31,11 @@ def answer_lines(
     Args:
         answer: answer to print.
         known: prior of the pose; None without one.
-        frame: name of the frame of poses.
+        frame: name of the frame of poses; None for that of the answer.
         verbose: whether to add the pose as a matrix, the pairings, and the times of the stages.
         layout: width and style of the output.
     """
-    lines = [layout.bold(printable(_headline(answer, frame)))]
+    lines = [layout.bold(printable(_headline(answer, frame or answer.frame)))]
     lines += [f"  known       {printable(prior_words(known))}"] if known is not None else []
     best = answer.hypotheses[0] if answer.hypotheses else None
     if best is not None:
