@@ -36,7 +36,7 @@ def one(target, count, outlier, sensor, number):
     points = scene(target, T, SENSORS[sensor], count, rng, outlier=outlier, radius=radius)[0]
     problem = Problem(points, FreeRays.none(), Priors(radius=radius))
     start = time.process_time()
-    found = infer(problem, [target], 1, target.part.centroid, np.random.default_rng(number))
+    found = infer(problem, [target], 1, target.part.centroid, target.part.area, np.random.default_rng(number))
     taken = time.process_time() - start
     truth = start_search(problem, target, np.random.default_rng(0)).objective.maximize(T[None], fine=True)
     if not len(truth):

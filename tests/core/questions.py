@@ -65,7 +65,9 @@ class Question:
         elsewhere = np.full(self.groups.max(initial=-1) + 1, self.elsewhere)
         shared, *others = (np.ascontiguousarray(v) if isinstance(v, np.ndarray) else v for v in rest)
         furniture = np.ascontiguousarray(self.furniture)
-        return _core.make_problem(blocks, furniture, self.groups, elsewhere, shared, np.zeros((0, 3, 0)), *others)
+        return _core.make_problem(
+            blocks, furniture, self.groups, elsewhere, shared, np.zeros((0, 3, 0)), *others, np.zeros(2), 0 * elsewhere
+        )
 
     def _columns(self, rows, kind):
         """Return the columns of a kind."""

@@ -84,6 +84,8 @@ def make_problem(
     prior_roots: FloatArray,
     prior_log_weights: FloatArray,
     table: FloatArray,
+    region: FloatArray,
+    group_regions: FloatArray,
 ) -> Problem: ...
 def log_densities(shape: Shape, problem: Problem, poses: FloatArray, shared: FloatArray) -> FloatArray: ...
 def slopes(
@@ -97,7 +99,7 @@ def details(
     problem: Problem,
     poses: FloatArray,
     shared: FloatArray,
-) -> tuple[FloatArray, Indices, FloatArray, FloatArray]: ...
+) -> tuple[FloatArray, Indices, FloatArray, FloatArray, FloatArray, FloatArray, float, FloatArray]: ...
 def propose(
     shape: Shape,
     problem: Problem,

@@ -158,7 +158,8 @@ def update(before: SensingState, touches: ContactPoints, free: FreeRays) -> Sens
     priors, log_priors = start.priors, _log_priors(start)
     some = np.flatnonzero(np.isfinite(log_priors))
     problem = Problem(touches, free, priors, mixtures=start.mixtures(), pose_factors=start.factors)
-    anywhere = np.log(priors.unknown) + problem.log_not_on_part.sum()
+    area = float(np.mean([target.part.area for target in start.targets]))
+    anywhere = np.log(priors.unknown) + problem.log_not_on_part.sum() + problem.region.log_gain_of_unknown(area)
     anywhere += len(free) * np.log1p(-priors.outlier_rate) + problem.log_factors_unknown
     rng = np.random.default_rng((1991, len(touches), len(free)))  # the same readings give the same posterior
     parts = [start.targets[k] for k in some]

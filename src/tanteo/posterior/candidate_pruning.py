@@ -289,7 +289,10 @@ def prune(
             if len(live) == 1 or search in still_active(live, log_unknown, wide):
                 search.restart(second)
         _pass_on(live)
-    live = still_active(live, log_unknown, margin)
+    if not _may_be_missed(problem, searches):
+        live = still_active(live, log_unknown, margin)
+    elif len(searches) <= problem.settings.pruning.unfixed:
+        live = list(searches)
     points = problem.points
     if points.constrained >= POSE_DOF or 2 * int(points.oriented.sum()) >= POSE_DOF:
         _restart(searches, live, log_unknown)
@@ -452,23 +455,45 @@ def _from_known_poses(
 
 
 def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown: float) -> None:
-    """Carry out more rounds of active parts, while missed maxima may matter."""
+    """Carry out more rounds of active parts, while missed maxima may matter.
+
+    Touches of a small region fit many places of many parts, and a wrong part fits at a larger noise. The search of the
+    right one often reaches its maximum only after several rounds, so all parts get as many as a leader.
+    """
     while live:
         own = live[0].settings
         total = float(log_sum([s.log_evidence for s in searches]))
         best = max(live, key=lambda s: s.log_evidence)
+        may_be_missed = _may_be_missed(live[0].objective.problem, live)
         share = max(own.rounds // 2, 3 * own.rounds // len(live))
+        if may_be_missed and len(live) <= best.objective.problem.settings.pruning.unfixed:
+            share = max(share, own.rounds)
         left = [
             s
             for s in live
-            if (s.restarts < min(own.rounds, share) and s.log_rare() > total + np.log(own.missing))
-            or (s is best and s.restarts < min(own.rounds + own.rounds // 2, share) and s.is_doubtful())
+            if (
+                s.restarts < min(own.rounds, share)
+                and s.log_rare() > (s.log_evidence if may_be_missed else total) + np.log(own.missing)
+            )
+            or (
+                s is best
+                and s.restarts < min(own.rounds + own.rounds // 2, share)
+                and (s.is_doubtful() or not s.is_good_fit())
+            )
         ]
         for search in left:
             search.restart()
         if not left:
             break
-        live = [s for s in live if s.log_evidence > max(log_unknown, best.log_evidence) - own.negligible]
+        if not may_be_missed:
+            live = [s for s in live if s.log_evidence > max(log_unknown, best.log_evidence) - own.negligible]
+
+
+def _may_be_missed(problem: Problem, searches: Sequence[PartSearch]) -> bool:
+    """Return whether a part that is far behind the leader may have a maximum that its search has missed."""
+    best = max(searches, key=lambda s: s.log_evidence)
+    region = problem.region.area
+    return 0 < region < 0.5 * best.objective.prepared.part.area or not best.is_good_fit()
 
 
 def still_active(searches: Sequence[PartSearch], log_unknown: float, margin: float) -> list[PartSearch]:

@@ -9,11 +9,13 @@ import numpy as np
 
 from tanteo.features import SharedError
 from tanteo.geometry.limits import NOTABLE
+from tanteo.geometry.typing import BoolArray
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.answers.results import Hypothesis, Status
 from tanteo.posterior.answers.status import verdict
 from tanteo.posterior.candidate_pruning import Active
 from tanteo.posterior.candidates import Candidates
+from tanteo.posterior.contradictions import NEAR, outlier_or_variant, plane_of_outliers
 from tanteo.posterior.diagnostics import (
     against_labels,
     face_elsewhere,
@@ -33,12 +35,10 @@ from tanteo.words.findings import (
     CloseTogether,
     MissedPoses,
     NotSearched,
+    OneRegion,
     PriorContradicted,
     WorstReading,
 )
-
-_PATCH = 0.2
-"""Smallest extent of the points over the part's size for one answer, unless the pose is roughly known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,20 +84,26 @@ def verdict_of(
         shares=[(one.mode.prepared.part.name, one.mode.probability) for one in found],
         prior_p=check.p,
         elsewhere=check.elsewhere,
+        missed=posterior.missing * (1 - unknown),
         same=outcome.candidates.names_of_same_shape(found[0].mode.prepared.part) if found else (),
     )
     findings: tuple[Finding, ...] = (finding,)
     if status == "unknown" and not check.elsewhere:
         status, findings = _known_after_all(findings, hypotheses, outcome.chosen, posterior)
-    if status == "recognized":
-        status, findings = _doubted(findings, found[0], priors)
     more: list[Finding | None] = []
+    if found and hypotheses:
+        plane, explained = plane_of_outliers(found[0], hypotheses[0].corner_sd)
+        more.append(plane)
+        if status == "recognized":
+            status, findings = _doubted(findings, found[0], priors, explained)
     if hypotheses and status == "recognized":
         more += [dominant_shared_error(found[0], shared), outlier_finding(hypotheses[0], priors)]
     if found and status != "insufficient":
         more.append(face_elsewhere(posterior.problem.points, found[0], unknown, priors))
     if found:
         more.append(on_furniture(found[0]))
+    if found and status in ("ambiguous", "insufficient"):
+        more.append(_in_one_region(found[0]))
     if status in ("ambiguous", "insufficient") and posterior.missing > NOTABLE:
         more.append(MissedPoses(posterior.missing))
     if status != "recognized" and NOTABLE < posterior.unsearched < 0.5:
@@ -120,8 +126,22 @@ def _known_after_all(
     return "unknown", findings
 
 
-def _doubted(findings: tuple[Finding, ...], best: GoodnessOfFit, priors: Priors) -> tuple[Status, tuple[Finding, ...]]:
-    """Return the verdict on a part that fits, which close readings and contradicted labels make ambiguous."""
+def _in_one_region(best: GoodnessOfFit) -> OneRegion | None:
+    """Return the finding that all touches are in a region smaller than half of the part; None if they are not."""
+    region, part = best.mode.objective.problem.region, best.mode.prepared.part
+    points = best.mode.objective.problem.points.points[best.inliers]
+    if len(points) < 2 or not 0 < region.area < 0.5 * part.area or best.at.in_region[0] < 0.5:
+        return None
+    return OneRegion(float(np.linalg.norm(points[:, None] - points, axis=2).max()), part.diagonal)
+
+
+def _doubted(
+    findings: tuple[Finding, ...], best: GoodnessOfFit, priors: Priors, explained: BoolArray
+) -> tuple[Status, tuple[Finding, ...]]:
+    """Return the verdict on a part that fits, which contradictions and close readings make ambiguous."""
+    variant = outlier_or_variant(best, explained)
+    if variant is not None:
+        return "ambiguous", (variant,)
     if _close_together(best):
         return "ambiguous", (*findings, CloseTogether())
     doubt = against_labels(best, priors)
@@ -135,4 +155,4 @@ def _close_together(best: GoodnessOfFit) -> bool:
     placed = known or bool(problem.pose_factors)
     points = problem.points.take(problem.furniture.others)
     off = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
-    return not placed and 2 * float(np.quantile(off, 0.75)) < _PATCH * best.mode.prepared.part.diagonal
+    return not placed and 2 * float(np.quantile(off, 0.75)) < NEAR * best.mode.prepared.part.diagonal

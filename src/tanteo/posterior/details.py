@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,10 @@ class Details:
         normals: outward normal of that face at the point, part frame ``(S, n, 3)``; zero for edges and corners.
         in_part: the point in the part frame ``(S, n, 3)`` [m].
         faces: index of that face ``(S, n)``; below -1 for edges and corners.
+        region_scales: log density of each point over ``log_hit`` if all places are in one region ``(n,)``.
+        region_groups: ``log_groups`` if all places are in one region ``(S, G)``.
+        log_region: log probability of the region, relative to places even over the part.
+        in_region: probability that all places are in one region ``(S,)``; 0 if the region is the part.
     """
 
     log_hit: FloatArray
@@ -49,6 +53,15 @@ class Details:
     normals: Vectors
     in_part: Vectors
     faces: IntArray
+    region_scales: FloatArray
+    region_groups: FloatArray
+    log_region: float
+    in_region: FloatArray
+
+    def over_region(self) -> Details:
+        """Return the densities if all places are in one region."""
+        hit, there = self.log_hit + self.region_scales, self.log_there + self.region_scales
+        return replace(self, log_hit=hit, log_there=there, log_groups=self.region_groups)
 
     @property
     def residuals(self) -> FloatArray:
@@ -59,7 +72,7 @@ class Details:
 def details_at(objective: Objective, Ts: Transforms, zs: FloatArray) -> Details:
     """Evaluate the measurements at poses ``(S, 4, 4)`` and the other states there ``(S, D)``."""
     points = objective.problem.points
-    table, faces, log_points, log_groups = _core.details(
+    table, faces, log_points, log_groups, scales, region_groups, log_region, in_region = _core.details(
         objective.prepared.shape, objective.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs)
     )
     outlier = outlier_log_density(points, objective.problem.priors)
@@ -74,5 +87,6 @@ def details_at(objective: Objective, Ts: Transforms, zs: FloatArray) -> Details:
         hit, np.broadcast_to(np.logaddexp(outlier, on_furniture), hit.shape), points.places, groups,
         log_groups + of_groups, objective.problem.label_evidence.log_odds + of_groups, log_points, there,
         table[..., 1], table[..., 2], table[..., 3], table[..., 4],
-        table[..., 6:9], table[..., 9:], faces.astype(np.int64),
+        table[..., 6:9], table[..., 9:], faces.astype(np.int64), np.log(scales), region_groups + of_groups, log_region,
+        in_region,
     )  # fmt: skip

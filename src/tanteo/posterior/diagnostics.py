@@ -10,7 +10,7 @@ from tanteo.geometry.special import binomial_cdf
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.answers.results import Hypothesis
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
-from tanteo.posterior.near_variants import log_density_by_surfaces, log_density_of_near_variant, shifted
+from tanteo.posterior.near_variants import log_density_by_surfaces, log_density_of_design, shifted
 from tanteo.posterior.outliers import beta_binomial_tail
 from tanteo.words.findings import (  # fmt: skip
     FaceDisplaced,
@@ -65,9 +65,9 @@ def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, pr
     """
     if unknown < NOTABLE:
         return None
-    part, at = one.mode.prepared.part, one.at
+    part, at = one.mode.prepared.part, one.at.over_region() if one.at.in_region[0] > 0.5 else one.at
     anywhere = log_density_by_surfaces(at, priors.outlier_rate)
-    if log_density_of_near_variant(at, part, priors.outlier_rate)[0] < anywhere[0] + np.log(2):
+    if log_density_of_design(at, part, priors.outlier_rate)[0] < anywhere[0] + np.log(2):
         return None
     found = shifted(at, part, priors.outlier_rate)
     k = int(np.argmax(found.log_odds))

@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from tanteo.geometry.special import legendre_nodes, log_sum
+from tanteo.geometry.special import legendre_nodes, log_even, log_sum
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
 from tanteo.parts import Part
 from tanteo.posterior.details import Details
@@ -61,6 +61,18 @@ def log_density_of_near_variant(at: Details, part: Part, mean: float) -> FloatAr
 
     Args:
         at: the readings at the poses.
+        part: the part.
+        mean: stated rate of outliers.
+    """
+    even, region = (log_density_of_design(one, part, mean) for one in (at, at.over_region()))
+    return even + log_even(at.log_region + region - even)
+
+
+def log_density_of_design(at: Details, part: Part, mean: float) -> FloatArray:
+    """Return the log density of all readings on a near variant, given how their places were chosen ``(S,)``.
+
+    Args:
+        at: the readings at the poses, with the densities of one design of the places.
         part: the part.
         mean: stated rate of outliers.
     """

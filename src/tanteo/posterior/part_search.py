@@ -17,7 +17,7 @@ from tanteo.posterior.proposals import PROPOSERS, InitialPoses, PriorSamples, Pr
 from tanteo.posterior.proposals.drawn import along_ridge, far_pairs, from_prior
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
 from tanteo.posterior.sampling.peaks import Objective, Peaks, scales_for, spread_rows
-from tanteo.posterior.settings import Effort, SearchSettings
+from tanteo.posterior.settings import POSE_DOF, Effort, SearchSettings
 from tanteo.posterior.symmetry import log_orbit
 
 
@@ -136,10 +136,14 @@ class PartSearch:
         return np.asarray(best.inlier_probability[0, others] > 0.5)
 
     def is_good_fit(self) -> bool:
-        """Return whether nearly all points are on the part at the best maximum, with no more noise than known."""
-        on = self.on_the_part()
-        scaled = self.objective.problem.scale_sd > 0 and len(self.peaks) > 0
-        is_noisy = scaled and float(self.peaks.zs[0, -1]) > 1
+        """Return whether nearly all points are on the part at the best maximum, with no more noise than expected.
+
+        The log of a noise scale from points with ``m`` degrees of freedom has a standard deviation of 1 / sqrt(2 m).
+        """
+        on, sd = self.on_the_part(), self.objective.problem.scale_sd
+        freedom = max(float(on.sum()) - POSE_DOF, 1.0)
+        limit = min(sd, self.settings.notable_sds / float(np.sqrt(2 * freedom)))
+        is_noisy = sd > 0 and len(self.peaks) > 0 and sd * float(self.peaks.zs[0, -1]) > limit
         return not len(on) or (float(on.mean()) > self.settings.explained and not is_noisy)
 
     def is_doubtful(self) -> bool:

@@ -34,6 +34,7 @@ class Posterior:
         unknown: probability of the unknown object.
         log_evidence: log-evidence of the measurements over all parts and the unknown object.
         missing: probability of all maxima that only one source found, the Good-Turing estimate of the missed maxima.
+            The modes share what it leaves of their probability.
         searches: searches of the parts.
         log_priors: log of the prior probability of the searched parts ``(P,)``.
         log_anywhere: log-evidence of an unknown object that is like no part, its prior included.
@@ -56,6 +57,7 @@ def infer(
     parts: Sequence[PreparedPart],
     count: int,
     centroid: Vectors,
+    area: float,
     rng: np.random.Generator,
     *,
     known: Sequence[Transforms | None] = (),
@@ -69,13 +71,14 @@ def infer(
         parts: parts to search.
         count: number of all candidates, pruned ones included.
         centroid: mean of the centroids of all parts, in their frames ``(3,)`` [m].
+        area: mean surface area of all parts [m^2].
         rng: generator of all draws.
         known: initial poses of each searched part; None without initial poses.
         exhaustive: whether the initial poses are all poses that labels and normals allow.
         unsearched: the parts that are not searched; None if all are.
     """
     prior = float(np.log1p(-problem.priors.unknown) - np.log(max(count, 1)))
-    anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid)
+    anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid, area)
     searches, unseen = prune(problem, parts, anywhere - prior, rng, known, exhaustive=exhaustive, unsearched=unsearched)
     return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng, log_left_out=unseen + prior)
 
@@ -160,8 +163,8 @@ def weigh(
     modes.sort(key=lambda mode: round(most - mode.log_mass, 3))  # twins of nearly equal mass keep their order
     modes = [mode for k, mode in enumerate(modes) if not k or mode.log_mass > total - negligible]
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))  # dropped modes have no probability
-    kept = [replace(mode, probability=float(np.exp(mode.log_mass - total))) for mode in modes]
     once, unknown = missing([s for s, *_ in found]), float(np.exp(log_none - total))
+    kept = [replace(mode, probability=(1 - once) * float(np.exp(mode.log_mass - total))) for mode in modes]
     unseen = float(np.exp(log_left_out - total))
     return Posterior(problem, tuple(kept), unknown, total, once, tuple(searches), priors, anywhere, unseen)
 

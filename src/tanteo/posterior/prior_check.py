@@ -63,12 +63,12 @@ def check_prior(
     priors = posterior.problem.priors
     if priors.pose is None:
         return PriorCheck()
-    fits = best is not None and best.probability >= posterior.unknown
+    fits = best is not None and best.probability + posterior.missing >= posterior.unknown
     p = p_of_prior(posterior.modes[0], priors) if posterior.modes else 1.0
     if best is not None and fits and not best.outliers and min(p, best.p_value, _share(posterior)) > NOTABLE:
         return PriorCheck(p)
     other = without()
-    if not other.modes or other.modes[0].probability < other.unknown:
+    if not other.modes or other.modes[0].probability + other.missing < other.unknown:
         return PriorCheck(p if fits else 1.0)
     if not is_good_fit(goodness_of_fit(other.modes[0]), priors.outlier_rate):
         return PriorCheck(p if fits else 1.0)

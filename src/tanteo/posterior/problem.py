@@ -19,6 +19,7 @@ from tanteo.posterior.labels import LabelEvidence, groups_of, label_evidence
 from tanteo.posterior.outliers import outlier_rates
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.settings import DEFAULTS, POSE_DOF, Settings
+from tanteo.posterior.touched_region import TouchedRegion, touched_region
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +52,7 @@ class Problem:
         furniture: points that may be on furniture.
         groups: index of the label of each point ``(n,)``; -1 for a point without a label.
         label_evidence: densities of labelled points on surfaces of an unknown object.
+        region: size of the region that measurements without a direction touch.
     """
 
     points: ContactPoints
@@ -63,6 +65,7 @@ class Problem:
     furniture: FurniturePoints = field(init=False, repr=False)
     groups: IntArray = field(init=False, repr=False)
     label_evidence: LabelEvidence = field(init=False, repr=False)
+    region: TouchedRegion = field(init=False, repr=False)
     _factors: list[tuple[_core.FactorList, Indices]] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
@@ -70,6 +73,7 @@ class Problem:
         object.__setattr__(self, "groups", groups)
         object.__setattr__(self, "furniture", weigh_furniture(self.points, self.priors, self.settings.search))
         object.__setattr__(self, "label_evidence", label_evidence(self.points, groups, self.priors.radius))
+        object.__setattr__(self, "region", touched_region(self.points, groups, self.furniture.others))
 
     @property
     def scale_sd(self) -> float:
@@ -156,6 +160,7 @@ class Problem:
             np.zeros((0, 3, 0)), float(self.scale_sd), _c(rates), _c(weights), self.priors.outlier_rate, _c(lines),
             _c(np.pad(rays.shared_jacobian, more)), _c(np.pad(rays.turns, more)), _c(means), _c(roots), _c(log_weights),
             np.zeros(0) if table is None else np.r_[table.point, table.normal, table.sd],
+            np.array([self.region.area, self.region.length]), self.region.groups,
         )  # fmt: skip
         first = t.shared_jacobian.shape[2]
         for factor in self.pose_factors:

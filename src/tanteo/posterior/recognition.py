@@ -88,7 +88,21 @@ def identify_points(
     clock.lap("compare")
     outcome = Outcome(candidates, chosen, posterior, found, hypotheses, check, worst)
     status, findings = verdict_of(outcome, significance, shared)
-    return Answer(status, findings, hypotheses, posterior.unknown, clock.laps(), seed, significance=significance)
+    shown = check.other or posterior
+    return Answer(
+        status, findings, hypotheses, posterior.unknown, clock.laps(), seed, significance=significance,
+        parts=_of_parts(found, 1.0 if check.other is None else 1 - posterior.unknown),
+        missed_probability=shown.missing * (1 - posterior.unknown),
+    )  # fmt: skip
+
+
+def _of_parts(found: Sequence[GoodnessOfFit], share: float) -> tuple[tuple[str, float], ...]:
+    """Return the probability of each part over all of its poses, most probable first."""
+    shares: dict[str, float] = {}
+    for one in found:
+        name = one.mode.prepared.part.name
+        shares[name] = shares.get(name, 0.0) + share * one.mode.probability
+    return tuple(sorted(shares.items(), key=lambda share: -share[1]))
 
 
 def _searched(
@@ -128,7 +142,8 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Active, seed: int)
     centroid = candidates.centroids.mean(axis=0)
     log_ratio = chosen.unsearched if chosen.bound else None
     return infer(
-        problem, parts, len(candidates), centroid, np.random.default_rng(seed), known=known,
+        problem, parts, len(candidates), centroid, float(candidates.areas.mean()), np.random.default_rng(seed),
+        known=known,
         exhaustive=chosen.exhaustive,
         unsearched=Unsearched(len(rest), log_ratio, chosen.discount, similar, chosen.bound and not chosen.exhaustive),
     )  # fmt: skip

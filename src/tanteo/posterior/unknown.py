@@ -14,10 +14,7 @@ from tanteo.posterior.answers.pose_prior import PosePrior
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.joint_surface_model import log_joint_surfaces
 from tanteo.posterior.problem import Problem
-
-LARGER = 1.2
-"""Largest size of an unknown object over that of the ball of its readings (decision 56)."""
-
+from tanteo.posterior.touched_region import LARGER
 
 _BALL_STEPS = 32
 """Numerical: steps to the middle of the smallest ball; its radius errs by less than 1 / 32, which ``LARGER`` covers."""
@@ -73,7 +70,7 @@ def _directions() -> Vectors:
     return np.stack([np.cos(turn) * np.sqrt(1 - z * z), np.sin(turn) * np.sqrt(1 - z * z), z], axis=1)
 
 
-def log_anywhere(problem: Problem, centroid: Vectors) -> float:
+def log_anywhere(problem: Problem, centroid: Vectors, area: float) -> float:
     """Return the log density of all readings if the object is unknown: in a ball whose position follows the prior.
 
     Points of one label are on one surface of any object, and most of its faces run along three perpendicular axes.
@@ -82,6 +79,7 @@ def log_anywhere(problem: Problem, centroid: Vectors) -> float:
     Args:
         problem: measurements and priors.
         centroid: mean centroid of the parts, in their frames ``(3,)`` [m].
+        area: surface area of a typical object, the mean of the parts [m^2].
     """
     points, priors, labels = problem.points, problem.priors, problem.label_evidence
     if not len(points):
@@ -93,6 +91,7 @@ def log_anywhere(problem: Problem, centroid: Vectors) -> float:
     shapes = labels.log_odds.sum() + log_joint_surfaces(
         labels.facets, priors.right_angled, priors.radius, problem.settings
     )
+    shapes += problem.region.log_gain_of_unknown(area)
     return float(problem.log_not_on_part.sum() + place + share + shapes) + problem.log_factors_unknown
 
 

@@ -69,6 +69,7 @@ def state_message(
     if answer is None:
         return io.documents.diagnostics_message(io.documents.WARN, "No usable reading has arrived.", values, stamp)
     values |= {f"probability {h.part}, {k + 1}": f"{h.probability:.4f}" for k, h in enumerate(answer.hypotheses)}
+    values |= {f"probability {name}, any pose": f"{P:.4f}" for name, P in answer.parts}
     values["probability unknown object"] = f"{answer.unknown_probability:.4f}"
     if answer.best is not None:
         values["largest corner sd [mm]"] = f"{1e3 * answer.best.corner_sd:.3f}"

@@ -170,7 +170,7 @@ std::unique_ptr<Problem> make_problem(nb::list blocks, Doubles furniture, Ints g
                                       Doubles shared_jacobian, Doubles direction_jacobian, double scale_sd, Doubles rates,
                                       Doubles rate_weights, double mean_rate, Doubles rays, Doubles ray_shifts,
                                       Doubles ray_turns, Doubles prior_means, Doubles prior_roots,
-                                      Doubles prior_log_weights, Doubles table) {
+                                      Doubles prior_log_weights, Doubles table, Doubles region, Doubles group_regions) {
     auto problem = std::make_unique<Problem>();
     place_factors(blocks, *problem);
     const size_t n = problem->factors.size(), D = shared_jacobian.ndim() == 3 ? shared_jacobian.shape(2) : 0;
@@ -203,6 +203,10 @@ std::unique_ptr<Problem> make_problem(nb::list blocks, Doubles furniture, Ints g
     problem->ray_shifts = doubles(ray_shifts, "ray_shifts", {m, 3, D});
     problem->ray_turns = doubles(ray_turns, "ray_turns", {m, 3, D});
     problem->priors = pose_priors(prior_means, prior_roots, prior_log_weights);
+    const std::vector<double> patch = doubles(region, "region", {2});
+    problem->region = {expect(patch[0], "region", 0, 1e300), expect(patch[1], "region", 0, 1e300),
+                       doubles(group_regions, "group_regions", {problem->groups.size()})};
+    for (const double own : problem->region.groups) expect(own, "group_regions", 0, 1e300);
     if (table.size()) {
         expect(table, "table", {7});
         problem->has_table = true;
@@ -250,20 +254,30 @@ std::tuple<Out, Out, Out> slopes(const Shape& shape, const Problem& problem, Dou
 // Evaluation of every factor at every pose. A table (S, n, 12): density on the part relative to an outlier, probability that
 // it is no outlier; for its likeliest element: distance, one over its sd, tilt of the direction in sds, density if it were
 // exactly on the element, normal (3); and its position in the part frame (3). Further the elements (S, n), the log density
-// of all factors together (S), and that of each label group on the part (S, G).
+// of all factors together (S), and that of each label group on the part (S, G). Densities are even over the part. For the
+// design of a region: the densities of each factor over these (n) (one if it is no other design), the log density of each
+// label group (S, G), the log weight of the design, and its probability (S).
 nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs) {
     const std::vector<State> all = states(Ts, zs, problem);
     const size_t S = all.size(), n = problem.factors.size();
     const size_t G = problem.groups.size();
-    std::vector<double> table(S * n * 12), together(S), groups(S * G);
+    std::vector<double> table(S * n * 12), together(S), groups(S * G), in_region(S), region_groups(S * G), scales(n, 1.0);
     std::vector<int32_t> elements(S * n, -1);
+    double log_weight = 0;
     {
         nb::gil_scoped_release release;
         Likelihood likelihood(shape, problem);
         for (size_t k = 0; k < S; ++k) {
             likelihood.at(all[k], false);
             together[k] = likelihood.log_points;
-            for (size_t g = 0; g < G; ++g) groups[k * G + g] = likelihood.log_on_part(g);
+            in_region[k] = likelihood.in_region;
+            Design &even = likelihood.designs.front(), &region = likelihood.designs.back();
+            for (size_t g = 0; g < G; ++g) {
+                groups[k * G + g] = likelihood.log_on_part(even, g);
+                region_groups[k * G + g] = likelihood.log_on_part(region, g);
+            }
+            for (size_t j = 0; j < n; ++j) scales[j] = region.scale_of(*problem.factors[j]);
+            log_weight = region.log_weight;
             for (size_t j = 0; j < n; ++j) {
                 const Evaluated& own = likelihood.evaluated[j];
                 double* row = &table[(k * n + j) * 12];
@@ -294,7 +308,8 @@ nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Double
         }
     }
     return nb::make_tuple(array_of(std::move(table), {S, n, 12}), array_of(std::move(elements), {S, n}),
-                          list_of(std::move(together)), array_of(std::move(groups), {S, G}));
+                          list_of(std::move(together)), array_of(std::move(groups), {S, G}), list_of(std::move(scales)),
+                          array_of(std::move(region_groups), {S, G}), log_weight, list_of(std::move(in_region)));
 }
 
 std::tuple<Out, Out> proposed(const Shape& shape, const Problem& problem, Ints rows, Ints pairs, int per_pair, int spins,
@@ -568,7 +583,8 @@ NB_MODULE(native, m) {
     m.def("landmark_codes", [] { return landmark_codes(); });
     m.def("make_problem", &make_problem, "factors"_a, "furniture"_a, "groups"_a, "log_elsewhere"_a, "shared_jacobian"_a,
           "direction_jacobian"_a, "scale_sd"_a, "rates"_a, "rate_weights"_a, "mean_rate"_a, "rays"_a, "ray_shifts"_a,
-          "ray_turns"_a, "prior_means"_a, "prior_roots"_a, "prior_log_weights"_a, "table"_a);
+          "ray_turns"_a, "prior_means"_a, "prior_roots"_a, "prior_log_weights"_a, "table"_a,
+          "region"_a, "group_regions"_a);
     m.def("log_densities", &log_densities, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("slopes", &slopes, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("details", &details, "shape"_a, "problem"_a, "poses"_a, "shared"_a);

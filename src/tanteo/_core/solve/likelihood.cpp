@@ -71,24 +71,53 @@ void Likelihood::evaluate(const State& state, int j, bool with_slope) {
     }
 }
 
+// Two designs of the places are possible, with equal prior probability: even over the part, or even over a region. The
+// centre of the region is even over the part, so that a density per area is 1 / a and the region has the probability
+// a / A: one factor 1 / A for all measurements instead of one for each (docs/math.md, section 15).
+Likelihood::Likelihood(const Shape& shape, const Problem& problem) : shape(shape), problem(problem), designs(1) {
+    const Region& patch = problem.region;
+    Design region;
+    if (patch.area > 0) region.on_face = std::max(1.0, shape.area / patch.area);
+    if (patch.length > 0) region.on_edge = std::max(1.0, shape.edge_length / patch.length);
+    region.log_weight = -std::log(patch.area > 0 ? region.on_face : region.on_edge);
+    if (region.on_face > 1 || region.on_edge > 1) designs.push_back(region);
+    for (Design& design : designs) design.labels.resize(problem.groups.size());
+}
+
+// Joint log density of all factors: the mixture over the designs. Sets the responsibility of each component.
+double Likelihood::combine() {
+    const double even = combine(designs[0], responsibility);
+    in_region = 0;
+    if (designs.size() == 1) return even;
+    inlier.resize(evaluated.size());
+    for (size_t j = 0; j < evaluated.size(); ++j) inlier[j] = evaluated[j].inlier;
+    const double region = designs[1].log_weight + combine(designs[1], other_responsibility);
+    const double top = std::max(even, region), sum = std::exp(even - top) + std::exp(region - top);
+    in_region = std::exp(region - top) / sum;
+    for (size_t k = 0; k < responsibility.size(); ++k)
+        responsibility[k] += in_region * (other_responsibility[k] - responsibility[k]);
+    for (size_t j = 0; j < evaluated.size(); ++j)
+        evaluated[j].inlier = inlier[j] + in_region * (evaluated[j].inlier - inlier[j]);
+    return top + std::log(0.5 * sum);
+}
+
 // Joint log density: sum over the quadrature nodes q of the outlier rate of w_q prod_j [(1 - q) density_j + q], times the
 // density of each label group. Sets the responsibility of each component. Labels are ignored while noise is blurred: a
 // label must not exclude an adjacent face before the maximization has converged.
-double Likelihood::combine() {
+double Likelihood::combine(Design& design, std::vector<double>& out) {
     const bool labelled = blur == 0;
     const size_t groups = labelled ? problem.groups.size() : 0;
     const int n = static_cast<int>(problem.factors.size()), nodes = static_cast<int>(problem.rates.size());
     double base = 0;
     for (const auto& factor : problem.factors) base += factor->log_outlier;
     node_log.assign(nodes, 0.0);
-    labels.resize(groups);
-    for (size_t g = 0; g < groups; ++g) find_elements(g);
+    for (size_t g = 0; g < groups; ++g) find_elements(design, g);
     for (int k = 0; k < nodes; ++k) {
         const double rate = problem.rates[k];
         double product = 1, log = 0;
         for (int j = 0; j < n; ++j) {
             if (is_excluded(j) || (labelled && problem.group[j] >= 0)) continue;
-            product *= (1 - rate) * evaluated[j].density + rate + problem.furniture[j];
+            product *= (1 - rate) * design.scale_of(*problem.factors[j]) * evaluated[j].density + rate + problem.furniture[j];
             if (product < 1e-200 || product > 1e200) {
                 log += std::log(product);
                 product = 1;
@@ -99,31 +128,32 @@ double Likelihood::combine() {
     double top = -1e300, sum = 0;
     for (const double log : node_log) top = std::max(top, log);
     for (double& log : node_log) sum += log = std::exp(log - top);
-    responsibility.assign(components.size(), 0.0);
+    out.assign(components.size(), 0.0);
     for (int j = 0; j < n; ++j) {
         Evaluated& own = evaluated[j];
         own.inlier = 0;
         if ((labelled && problem.group[j] >= 0) || !own.count) continue;
+        const double density = design.scale_of(*problem.factors[j]) * own.density;
         for (int k = 0; k < nodes; ++k) {
-            const double on = (1 - problem.rates[k]) * own.density;
+            const double on = (1 - problem.rates[k]) * density;
             own.inlier += node_log[k] / sum * on / (on + problem.rates[k] + problem.furniture[j]);
         }
         for (int k = own.first; k < own.first + own.count; ++k)
-            responsibility[k] = own.inlier * components.all[k].weight / own.density;
+            out[k] = own.inlier * components.all[k].weight / own.density;
     }
     for (size_t g = 0; g < groups; ++g) {
-        base += log_group(g);
-        weigh_elements(g);
-        weigh_components(g);
+        base += log_group(design, g);
+        weigh_elements(design, g);
+        weigh_components(design, g, out);
     }
     return base + top + std::log(sum);
 }
 
 // The elements to which a label may refer, their prior probabilities, and the density of each factor on each element. A
-// factor may contradict its label at the outlier rate.
-void Likelihood::find_elements(size_t g) {
+// factor may contradict its label at the outlier rate. In a region, only the patch of the group counts of an element.
+void Likelihood::find_elements(Design& design, size_t g) {
     const std::vector<int>& rows = problem.groups[g];
-    LabelGroup& group = labels[g];
+    LabelGroup& group = design.labels[g];
     group.elements.clear();
     group.log_prior.clear();
     group.factor.clear();
@@ -140,9 +170,15 @@ void Likelihood::find_elements(size_t g) {
         }
     }
     const size_t E = group.elements.size();
+    double scale = 1, whole = shape.area;  // scale: 1 for the design that is even over the part
+    for (const int j : rows) {
+        scale = std::max(scale, design.scale_of(*problem.factors[j]));
+        if (problem.factors[j]->codimension() == 2) whole = shape.edge_length;
+    }
     for (const int element : group.elements) {
-        const double share = shape.measure_of(element);
-        group.log_prior.push_back(element >= 0 && !by_area ? 0.0 : std::log(share));
+        double share = shape.measure_of(element);
+        if (scale > 1) share = std::min(share, problem.region.groups[g] / whole);
+        group.log_prior.push_back(element >= 0 && !by_area ? 0.0 : std::log(share * scale));
         group.factor.push_back(1 / share);  // ratio of the density on this element to that on all elements
     }
     group.on_element.assign(rows.size() * E, 0.0);
@@ -160,16 +196,16 @@ void Likelihood::find_elements(size_t g) {
 // Log density of the factors of a group: the sum of the products over the elements, of the case of a wrong label, and of
 // the case that the labelled surface is on another object. Wrong labels, and outliers among labelled points, have the
 // stated rate: a sensor may make many outliers, but labels seldom contradict each other.
-double Likelihood::log_group(size_t g, bool anywhere) {
+double Likelihood::log_group(Design& design, size_t g, bool anywhere) {
     const std::vector<int>& rows = problem.groups[g];
-    LabelGroup& group = labels[g];
+    LabelGroup& group = design.labels[g];
     const size_t E = group.elements.size();
     const double rare = problem.mean_rate;
     group.logs.assign(E + 2, 0.0);
     double top = -1e300, sum = 0;
     for (size_t e = 0; e <= E; ++e) {
         double log = e < E ? group.log_prior[e] : 0;
-        for (size_t r = 0; r < rows.size(); ++r) log += std::log(labelled_density(group, r, e, rows[r]));
+        for (size_t r = 0; r < rows.size(); ++r) log += std::log(labelled_density(design, g, r, e, rows[r]));
         group.logs[e] = log + std::log1p(-rare);
         top = std::max(top, group.logs[e]);
     }
@@ -181,40 +217,42 @@ double Likelihood::log_group(size_t g, bool anywhere) {
 }
 
 // Density of a labelled factor relative to an outlier if its label refers to element e; e = number of elements: wrong label.
-double Likelihood::labelled_density(const LabelGroup& group, size_t r, size_t e, int row) const {
-    const double rare = problem.mean_rate, density = evaluated[row].density;
+double Likelihood::labelled_density(const Design& design, size_t g, size_t r, size_t e, int row) const {
+    const LabelGroup& group = design.labels[g];
+    const double rare = problem.mean_rate, density = design.scale_of(*problem.factors[row]) * evaluated[row].density;
     const double on = e < group.elements.size() ? (1 - rare) * group.on_element[r * group.elements.size() + e] : 0.0;
     return (1 - rare) * (on + rare * density) + rare + problem.furniture[row];
 }
 
 // Weight of each factor for each element, then for a wrong label; call after log_group.
-void Likelihood::weigh_elements(size_t g) {
+void Likelihood::weigh_elements(Design& design, size_t g) {
     const std::vector<int>& rows = problem.groups[g];
-    LabelGroup& group = labels[g];
+    LabelGroup& group = design.labels[g];
     const size_t E = group.elements.size();
     const double rare = problem.mean_rate;
     group.weights.assign(rows.size() * (E + 1), 0.0);
     for (size_t r = 0; r < rows.size(); ++r)
         for (size_t e = 0; e <= E; ++e) {
-            const double share = group.logs[e] * (1 - rare) / labelled_density(group, r, e, rows[r]);
+            const double share = group.logs[e] * (1 - rare) / labelled_density(design, g, r, e, rows[r]);
             if (e < E) group.weights[r * E + e] += share * (1 - rare);
             group.weights[rows.size() * E + r] += share * rare;
         }
 }
 
-void Likelihood::weigh_components(size_t g) {
+void Likelihood::weigh_components(const Design& design, size_t g, std::vector<double>& out) {
     const std::vector<int>& rows = problem.groups[g];
-    const LabelGroup& group = labels[g];
+    const LabelGroup& group = design.labels[g];
     const size_t E = group.elements.size();
     for (size_t r = 0; r < rows.size(); ++r) {
         const bool aimed = problem.factors[rows[r]]->aimed();
+        const double scale = design.scale_of(*problem.factors[rows[r]]);
         Evaluated& own = evaluated[rows[r]];
         for (int k = own.first; k < own.first + own.count; ++k) {
             const Component& c = components.all[k];
             const size_t e = std::find(group.elements.begin(), group.elements.end(), c.element) - group.elements.begin();
             const double labelled = e < E ? group.weights[r * E + e] * (aimed ? 1.0 : group.factor[e]) : 0.0;
-            responsibility[k] = c.weight * (labelled + group.weights[rows.size() * E + r]);
-            own.inlier += responsibility[k];
+            out[k] = c.weight * (labelled + scale * group.weights[rows.size() * E + r]);
+            own.inlier += out[k];
         }
     }
 }

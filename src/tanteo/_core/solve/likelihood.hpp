@@ -24,9 +24,21 @@ struct LabelGroup {
     std::vector<double> log_prior, factor, on_element, logs, weights;
 };
 
+// One way in which the places of all measurements were chosen: evenly over the part, or evenly over one region of it.
+// A density per area (or length) is that over the part times on_face (or on_edge).
+struct Design {
+    double on_face = 1, on_edge = 1, log_weight = 0;
+    std::vector<LabelGroup> labels;
+
+    double scale_of(const Factor& factor) const {
+        const int across = factor.codimension();
+        return factor.aimed() || across == 3 ? 1 : across == 1 ? on_face : on_edge;
+    }
+};
+
 class Likelihood {
   public:
-    Likelihood(const Shape& shape, const Problem& problem) : shape(shape), problem(problem) {}
+    Likelihood(const Shape& shape, const Problem& problem);
 
     // log density, prior included; with_slope: also gradient and Gauss-Newton information, of size() states,
     // about the centre of the shape
@@ -42,24 +54,28 @@ class Likelihood {
     std::vector<Evaluated> evaluated;
     Components components;
 
+    // the designs, the first of them even over the part; the second is left out where it equals the first
+    std::vector<Design> designs;
+    double in_region = 0;  // probability of the second design at the state
+
     // log density of a label group if its element is on the part, relative to outliers; call after at()
-    double log_on_part(size_t g) { return log_group(g, false); }
+    double log_on_part(Design& design, size_t g) { return log_group(design, g, false); }
 
   private:
     const Shape& shape;
     const Problem& problem;
-    std::vector<double> node_log, responsibility;
+    std::vector<double> node_log, responsibility, other_responsibility, inlier;
     std::vector<int> order;  // components of a factor by element
-    std::vector<LabelGroup> labels;
 
     bool is_excluded(int j) const { return blur > 0 && !coarse.empty() && !coarse[j]; }
     void evaluate(const State& state, int j, bool with_slope);
     double combine();
-    void find_elements(size_t g);
-    double log_group(size_t g, bool anywhere = true);
-    double labelled_density(const LabelGroup& group, size_t r, size_t e, int row) const;
-    void weigh_elements(size_t g);
-    void weigh_components(size_t g);
+    double combine(Design& design, std::vector<double>& out);
+    void find_elements(Design& design, size_t g);
+    double log_group(Design& design, size_t g, bool anywhere = true);
+    double labelled_density(const Design& design, size_t g, size_t r, size_t e, int row) const;
+    void weigh_elements(Design& design, size_t g);
+    void weigh_components(const Design& design, size_t g, std::vector<double>& out);
     void add_factors(const State& state);
     double add_rays(const State& state);
     double add_priors(const State& state, bool with_slope);

@@ -26,7 +26,13 @@ struct Table {
     double sd = 0;
 };
 
-// The factors, and the data of their joint model: labels, outliers, furniture, shared errors, noise scale.
+// The region that the measurements without a direction touch. Its size is that of their patch, whichever part it is of.
+struct Region {
+    double area = 0, length = 0;  // of the patch on faces [m^2] and on edges [m]; 0: no such measurement
+    std::vector<double> groups;   // area or length of the patch of each label group
+};
+
+// The factors, and the data of their joint model: labels, outliers, furniture, shared errors, noise scale, region.
 struct Problem {
     std::vector<std::shared_ptr<const Factor>> factors;
     std::vector<double> furniture;        // density on known furniture relative to an outlier, times its prior odds
@@ -44,6 +50,7 @@ struct Problem {
     std::vector<PosePrior> priors;
     bool has_table = false;
     Table table;
+    Region region;
     std::vector<std::shared_ptr<const PoseTerm>> terms;  // further terms of the log density, such as images
 
     int size() const { return 6 + shared + (scale_sd > 0); }

@@ -66,7 +66,9 @@ def recognition_document(answer: Answer, frame: str | None = None) -> dict[str, 
     document = {
         "schema": "tanteo.recognition/1", "version": __version__, "seed": int(answer.seed), "status": answer.status,
         "message": answer.message, "hypotheses": [_hypothesis(h, frame) for h in answer.hypotheses],
-        "unknown_probability": float(answer.unknown_probability), "elapsed_s": answer.elapsed,
+        "parts": [{"part": name, "probability": float(P)} for name, P in answer.parts],
+        "unknown_probability": float(answer.unknown_probability),
+        "missed_probability": float(answer.missed_probability), "elapsed_s": answer.elapsed,
     }  # fmt: skip
     if answer.findings:
         document["findings"] = [finding_document(one) for one in answer.findings]

@@ -99,6 +99,9 @@ class Answer(Value):
         significance: significance level of the tests for the status: a p-value below it rejects.
         frame: name of the frame of all poses, that of the readings.
         stamp: time of the last reading [s]; NaN if unknown.
+        parts: probability of each part over all of its poses, most probable first; also of poses that are not reported.
+        missed_probability: estimated probability of poses that the search missed; the probabilities of hypotheses and
+            parts contain this doubt, so that all together sum to one.
 
     Example:
         >>> part = tanteo.read_part("parts/bracket_left.step")
@@ -116,6 +119,8 @@ class Answer(Value):
     significance: float = SIGNIFICANCE
     frame: str = "world"
     stamp: float = math.nan
+    parts: tuple[tuple[str, float], ...] = ()
+    missed_probability: float = 0.0
 
     @property
     def message(self) -> str:

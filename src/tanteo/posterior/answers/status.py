@@ -51,6 +51,7 @@ def verdict(
     least: float = CONFIDENCE,
     known: bool = False,
     same: Collection[str] | None = None,
+    missed: float = 0.0,
 ) -> tuple[Status, Finding]:
     """Return the status of an answer and the finding that states its reason.
 
@@ -67,6 +68,7 @@ def verdict(
         least: probability from which one hypothesis is the answer.
         known: whether the part is certain enough if all of its poses count together.
         same: names of the parts with the shape of the best one; None if all parts that fit equally count as such.
+        missed: probability of poses of the parts that the search missed.
     """
     doubted = prior_p < SUSPECT or (
         hypotheses and hypotheses[0].p_value < significance and prior_p < significance and worst is None
@@ -82,7 +84,7 @@ def verdict(
         of_parts[name] = of_parts.get(name, 0.0) + share
     # poses along a motion that the readings leave free are pieces of one region
     likeliest = max(of_parts.values() if best.unobserved else (h.probability for h in hypotheses))
-    if unknown > likeliest and not known and not several:
+    if unknown > likeliest + missed and not known and not several:
         return "unknown", UnknownObject(unknown, best.part, best.probability)
     if best.p_value < significance and not as_published:
         return "unknown", Contradicted(best.part, best.p_value, worst, significance)
@@ -145,4 +147,5 @@ def _ambiguous(
         return SeveralParts(tuple(names[:kept]), len(names) - kept, equivalent[0].part if equivalent else "")
     if unknown > _LISTED and best.probability + unknown > 1 - _LISTED:
         return MayBeUnknown(best.part, unknown)
-    return SeveralPoses(best.part)
+    poses = sum(h.probability > _LISTED for h in hypotheses)
+    return SeveralPoses(best.part, sum(P for name, P in shares if name == best.part), poses=poses if poses > 1 else 0)

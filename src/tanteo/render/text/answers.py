@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.geometry import SO3
+from tanteo.geometry.limits import NOTABLE
 from tanteo.io import pose_as_brand
 from tanteo.render.text.layout import PLAIN, Layout, printable
 from tanteo.words import from_surface, percent
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from tanteo.posterior import Answer, Hypothesis, PosePrior
 
 _MOST_NAMES = 12
+_MOST_PARTS = 3
 
 
 def answer_lines(
@@ -48,7 +50,9 @@ def answer_lines(
             "The goodness-of-fit test rejects every part. The probabilities assume that one part is right.",
         ]
     elif best is not None or answer.status == "unknown":
-        lines += ["", f"Unknown object: {percent(answer.unknown_probability)}."]
+        lines += ["", *_parts(answer), f"Unknown object: {percent(answer.unknown_probability)}."]
+        if answer.missed_probability > NOTABLE:
+            lines.append(f"Poses that the search missed: {percent(answer.missed_probability)}.")
     if best is not None and best.outliers:
         lines.append(f"Readings that do not fit: {_outliers(best)}.")
     if best is not None and best.unobserved:
@@ -73,6 +77,13 @@ def _headline(answer: Answer, frame: str) -> str:
         "insufficient": f"insufficient, best guess {where}",
         "unknown": f"unknown, nearest {where}",
     }[answer.status]
+
+
+def _parts(answer: Answer) -> list[str]:
+    """Return the probability of the best part over all of its poses, if it is more than that of the best pose."""
+    if not answer.parts or answer.parts[0][1] - answer.hypotheses[0].probability <= NOTABLE:
+        return []
+    return [f"{printable(name)} in any pose: {percent(P)}." for name, P in answer.parts[:_MOST_PARTS] if P > NOTABLE]
 
 
 def _details(best: Hypothesis, *, verbose: bool) -> list[str]:

@@ -94,6 +94,34 @@ class OnFurniture(Finding):
 
 
 @dataclass(frozen=True, slots=True)
+class OutliersOnPlane(Finding):
+    """Readings that are not on the part lie on one plane beside it, such as a table or a jaw that nobody stated.
+
+    Attributes:
+        readings: their ids.
+        count: number of all readings.
+    """
+
+    kind: ClassVar[str] = "plane_of_outliers"
+    readings: tuple[str, ...]
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class OneRegion(Finding):
+    """All touches are in one region of the part, so that they hardly discriminate parts with a similar region.
+
+    Attributes:
+        extent: largest distance between two touches [m].
+        size: size of the part, the diagonal of its box [m].
+    """
+
+    kind: ClassVar[str] = "one_region"
+    extent: float
+    size: float
+
+
+@dataclass(frozen=True, slots=True)
 class MissedPoses(Finding):
     """The search found some poses only once, so it may have missed others.
 

@@ -57,6 +57,7 @@ class SeveralPoses(Finding):
         part: name of the part.
         probability: its posterior over all poses; NaN if it is too high to be reported.
         others: other parts that are possible, with their probabilities, most probable first.
+        poses: number of poses that are possible; 0 if it is not known.
     """
 
     kind: ClassVar[str] = "several_poses"
@@ -64,6 +65,7 @@ class SeveralPoses(Finding):
     part: str
     probability: float = float("nan")
     others: tuple[Share, ...] = ()
+    poses: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +128,23 @@ class FreeMotions(Finding):
     part: str
     motions: tuple[str, ...]
     face: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class OutlierOrVariant(Finding):
+    """A part fits, but readings contradict it: they are outliers, or the object is a variant of the part.
+
+    Attributes:
+        part: name of the part.
+        readings: their ids, the worst first.
+        distances: signed distance of each from the surface [m]; negative inside the material.
+    """
+
+    kind: ClassVar[str] = "outlier_or_variant"
+    role: ClassVar[Role] = "verdict"
+    part: str
+    readings: tuple[str, ...]
+    distances: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,9 +71,26 @@ def _(one: f.OnFurniture) -> Words:
 
 
 @words_of.register
+def _(one: f.OutliersOnPlane) -> Words:
+    n = len(one.readings)
+    named = f" ({listed(list(one.readings))})" if n <= _MOST_NAMES else ""
+    return (
+        f"{n} of {readings(one.count)}{named} lie on one plane beside the part: a table or a jaw?"
+    ), "State it (--table, --furniture), or omit these readings."
+
+
+@words_of.register
+def _(one: f.OneRegion) -> Words:
+    return (
+        f"All touches are in one region of {millimetres(one.extent)}; the part has a size of {millimetres(one.size)}."
+    ), "Touch places far from it."
+
+
+@words_of.register
 def _(one: f.MissedPoses) -> Words:
     return (
-        f"The search met some poses only once ({percent(one.probability)} of the probability), so others may fit, too."
+        f"The search found some poses only once, so it may have missed others ({percent(one.probability)}). The "
+        "probabilities contain this."
     ), ""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tanteo.defaults import SIGNIFICANCE
 from tanteo.words import findings as f
-from tanteo.words.figures import listed, millimetres, p_equals, percent, readings
+from tanteo.words.figures import from_surface, listed, millimetres, p_equals, percent, readings
 from tanteo.words.sentences.base import Words, words_of
 
 
@@ -32,7 +32,8 @@ def _(one: f.PoseWithin) -> Words:
 
 @words_of.register
 def _(one: f.SeveralPoses) -> Words:
-    text = f"It is {one.part}{_sure(one.probability)}, in one of several poses.{_or_else(one.others)}"
+    count = f"{one.poses}" if one.poses else "several"
+    text = f"The part is {one.part}{_sure(one.probability)}. Its pose is one of {count}.{_or_else(one.others)}"
     return text, "Sense a face that is at different places in these poses."
 
 
@@ -61,6 +62,16 @@ def _(one: f.FreeMotions) -> Words:
     text = f"{one.part} fits, but {' and '.join(one.motions) or 'a direction'} {stays} free."
     advice = one.face or "sense a face or an edge that resists it"
     return text, f"{advice[0].upper()}{advice[1:].rstrip('.')}."
+
+
+@words_of.register
+def _(one: f.OutlierOrVariant) -> Words:
+    first, off = one.readings[0], from_surface(one.distances[0])
+    more = f", and {readings(len(one.readings) - 1)} more" if len(one.readings) > 1 else ""
+    return (
+        f"{one.part} fits, but reading {first} ({off}){more} contradicts it. It is an outlier, or the object is a "
+        "variant of the part."
+    ), f"Touch near reading {first} again."
 
 
 @words_of.register

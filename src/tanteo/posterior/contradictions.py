@@ -1,0 +1,105 @@
+"""Readings that contradict the best part: an outlier or an object that differs there, or a plane that is not the part.
+
+One reading off a face is an outlier of the sensor, or the object is a variant whose face is elsewhere. The other
+readings decide only if one of them is on the same face near it.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Vectors
+from tanteo.posterior.fit_at_mode import GoodnessOfFit
+from tanteo.words.findings import OutlierOrVariant, OutliersOnPlane
+
+NEAR = 0.2
+"""Extent of a small patch over the part's size: readings that cover less may fit several places. A reading on the part
+within this distance of an outlier shows that the surface is there."""
+
+_MOST = 12
+"""Numerical: number of outliers whose planes are tried."""
+
+_SIMILAR = 0.5
+"""Numerical: cosine between approaches to one face; those to adjacent faces of a box are perpendicular."""
+
+
+def plane_of_outliers(one: GoodnessOfFit, corner_sd: float) -> tuple[OutliersOnPlane | None, BoolArray]:
+    """Return the finding that outliers lie on a plane that the part touches from one side, and which do ``(n,)``.
+
+    Three points lie on a plane always. It is a table or a jaw if the whole part is on one side of it and touches it,
+    and all known approaches come from that side. With four points or more the part need not touch it.
+
+    Args:
+        one: the most probable mode.
+        corner_sd: largest standard deviation of a corner of the part [m].
+    """
+    problem, rows = one.mode.objective.problem, np.flatnonzero(one.outliers)
+    best = np.zeros(len(one.outliers), dtype=np.bool_)
+    if len(rows) < 3:
+        return None, best
+    points, gate = problem.points, problem.settings.search.gate
+    places = points.points[rows] + points.radii[rows, None] * points.inward[rows]
+    vertices = SE3.apply(one.mode.T_peak, one.mode.prepared.part.vertices)
+    slack = gate * (points.sd[rows] + corner_sd)
+    for triple in combinations(range(min(len(rows), _MOST)), 3):
+        normal = _normal(places[list(triple)], slack[list(triple)])
+        if normal is None:
+            continue
+        middle = places[list(triple)].mean(axis=0)
+        heights = (vertices - middle) @ normal
+        normal, heights = (normal, heights) if heights.mean() > 0 else (-normal, -heights)
+        on = np.abs((places - middle) @ normal) < slack
+        from_above = ~points.directed[rows] | (points.directions[rows] @ normal < 0)
+        limit = float(slack.max())
+        is_beside = heights.min() > -limit and bool(from_above[on].all())
+        if is_beside and (heights.min() < limit or on.sum() > 3) and on.sum() > best.sum():
+            best = np.zeros(len(best), dtype=np.bool_)
+            best[rows[on]] = True
+    if not best.any():
+        return None, best
+    return OutliersOnPlane(tuple(points.ids[k] for k in np.flatnonzero(best)), len(best)), best
+
+
+def _normal(places: Vectors, slack: FloatArray) -> Vectors | None:
+    """Return the unit normal of three places; None if they are nearly on a line."""
+    cross = np.cross(places[1] - places[0], places[2] - places[0])
+    longest = max(float(np.linalg.norm(places[i] - places[j])) for i, j in ((0, 1), (0, 2), (1, 2)))
+    height = float(np.linalg.norm(cross)) / max(longest, 1e-300)
+    return None if height <= 2 * slack.max() else np.asarray(cross / np.linalg.norm(cross))
+
+
+def outlier_or_variant(one: GoodnessOfFit, explained: BoolArray) -> OutlierOrVariant | None:
+    """Return the finding that readings off the part may be outliers, or show a variant; None if there is no doubt.
+
+    There is none where another reading on the same face near it is on the part, and where no more readings are off than
+    the stated rate of outliers predicts.
+
+    Args:
+        one: the most probable mode.
+        explained: outliers that something else explains ``(n,)``, such as a table.
+    """
+    problem, at = one.mode.objective.problem, one.at
+    residuals = np.abs(at.distances[0] * one.per_stated_sd)
+    far = np.flatnonzero(one.outliers & ~explained & (residuals > problem.settings.search.gate))
+    if len(far) <= problem.priors.outlier_rate * len(one.outliers):
+        return None
+    doubtful = far[[not _is_refuted(one, int(k)) for k in far]] if len(far) else far
+    if not len(doubtful):
+        return None
+    ids, distances = problem.points.ids, at.distances[0]
+    order: IntArray = doubtful[np.argsort(-residuals[doubtful], kind="stable")]
+    named, off = tuple(ids[k] for k in order), tuple(float(distances[k]) for k in order)
+    return OutlierOrVariant(one.mode.prepared.part.name, named, off)
+
+
+def _is_refuted(one: GoodnessOfFit, k: int) -> bool:
+    """Return whether a reading on the same face near an outlier is on the part."""
+    points, at = one.mode.objective.problem.points, one.at
+    same = one.inliers & (at.faces[0] == at.faces[0, k])
+    same &= np.linalg.norm(points.points - points.points[k], axis=1) < NEAR * one.mode.prepared.part.diagonal
+    if points.directed[k]:
+        same &= ~points.directed | (points.directions @ points.directions[k] > _SIMILAR)
+    return bool(same.any())

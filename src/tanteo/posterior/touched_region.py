@@ -1,0 +1,111 @@
+"""The region that measurements without a direction touch, which may be a small part of the surface.
+
+A person touches where the hand can reach. Two designs of all places together are equally probable: even over the part,
+with the density 1 / A of each place, or even over one region of area a whose centre is even over the part, with the
+density 1 / a of each place and the probability a / A of the region. The size of the region is that of the touched
+patch, whichever part it is of. A beam of known direction has no density per area, and no part in this.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.factors import ContactPoints
+from tanteo.geometry.special import log_even
+from tanteo.geometry.typing import FloatArray, IntArray, Vectors
+
+LARGER = 1.2
+"""Largest size of an unknown object over that of the ball of its readings (decision 56); the size of a touched region
+over that of the patch of its readings."""
+
+_TREE = 0.6331
+"""Definition: length of the minimum spanning tree of n even points on an area A over the root of n A, for many points
+(Cortina-Borja and Robinson 2000)."""
+
+_BRIDGE = 3.0
+"""Numerical: length of an edge of the tree over their mean, beyond which it is a gap between patches."""
+
+_MOST = 500
+"""Numerical: number of points from which the size of a patch is computed; more points give the same size."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TouchedRegion:
+    """Size of the region of the measurements without a direction.
+
+    Attributes:
+        area: area of the region on faces [m^2]; 0 without such measurements.
+        length: length of the region on edges [m]; 0 without such measurements.
+        groups: area or length of the region of each label ``(G,)``.
+        alone: number of points on faces without label and direction.
+    """
+
+    area: float
+    length: float
+    groups: FloatArray
+    alone: int
+
+    def log_gain_of_unknown(self, area: float) -> float:
+        """Return the log density of the places on an unknown object, over that of the design that is even over it.
+
+        Args:
+            area: surface area of the unknown object [m^2].
+        """
+        if self.alone < 2 or self.area >= area:
+            return 0.0
+        return float(log_even((self.alone - 1) * np.log(area / self.area)))
+
+
+def touched_region(points: ContactPoints, groups: IntArray, rows: IntArray) -> TouchedRegion:
+    """Return the region that measurements without a direction touch.
+
+    Args:
+        points: the measurements.
+        groups: index of the label of each point ``(n,)``; -1 without a label.
+        rows: rows of the points that are not on furniture.
+    """
+    codimensions = np.array([f.codimension if f.on_surface else 0 for f in points.factors], dtype=np.int64)
+    free = np.zeros(len(points), dtype=np.bool_)
+    free[rows] = ~points.directed[rows]
+    face, edge = free & (codimensions == 1), free & (codimensions == 2)
+    floor = float(np.median(points.sd)) if len(points) else 0.0  # repeated touches of one place
+    area, length = _area(points.points[face], floor), _length(points.points[edge], floor)
+    sizes = np.zeros(groups.max(initial=-1) + 1)
+    for g in range(len(sizes)):
+        own = groups == g
+        on_face = own & face
+        sizes[g] = (
+            min(_area(points.points[on_face], floor), area)
+            if on_face.any()
+            else min(_length(points.points[own & edge], floor), length)
+        )
+    return TouchedRegion(area, length, sizes, int(np.sum(face & (groups < 0))))
+
+
+def _area(points: Vectors, floor: float) -> float:
+    """Return the area that points cover [m^2]; 0 without points."""
+    points = points[:: len(points) // _MOST + 1]
+    n = len(points)
+    return float(max((LARGER * _tree(points).sum() / _TREE) ** 2 / n, np.pi * floor**2)) if n else 0.0
+
+
+def _length(points: Vectors, floor: float) -> float:
+    """Return the length that points cover [m]; 0 without points."""
+    points = points[:: len(points) // _MOST + 1]
+    n = len(points)
+    return float(max(LARGER * _tree(points).sum() * n / max(n - 1, 1), floor)) if n else 0.0
+
+
+def _tree(points: Vectors) -> FloatArray:
+    """Return the lengths of the edges of the minimum spanning tree, gaps between patches shortened ``(n - 1,)``."""
+    n = len(points)
+    nearest, out = np.full(n, np.inf), np.zeros(max(n - 1, 0))
+    at = 0
+    for k in range(n - 1):
+        nearest = np.minimum(nearest, np.linalg.norm(points - points[at], axis=1))
+        nearest[at] = np.nan
+        at = int(np.nanargmin(nearest))
+        out[k] = nearest[at]
+    return np.asarray(np.minimum(out, _BRIDGE * out.mean())) if n > 1 else out
