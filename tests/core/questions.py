@@ -55,8 +55,8 @@ class Question:
     prior_log_weights: np.ndarray
     table: np.ndarray
 
-    def core(self):
-        """Compiled."""
+    def core(self, area=0.0, length=0.0):
+        """Compiled, with the size of the touched region on faces and edges; every label covers a third of it."""
         blocks = []
         for kind in np.unique(self.kinds):
             rows = np.flatnonzero(self.kinds == kind).astype(np.int32)
@@ -65,9 +65,9 @@ class Question:
         elsewhere = np.full(self.groups.max(initial=-1) + 1, self.elsewhere)
         shared, *others = (np.ascontiguousarray(v) if isinstance(v, np.ndarray) else v for v in rest)
         furniture = np.ascontiguousarray(self.furniture)
-        return _core.make_problem(
-            blocks, furniture, self.groups, elsewhere, shared, np.zeros((0, 3, 0)), *others, np.zeros(2), 0 * elsewhere
-        )
+        region = np.array([area, length]), np.full(len(elsewhere), area / 3)
+        none = np.zeros((0, 3, 0))
+        return _core.make_problem(blocks, furniture, self.groups, elsewhere, shared, none, *others, *region)
 
     def _columns(self, rows, kind):
         """Return the columns of a kind."""

@@ -131,17 +131,8 @@ def test_every_measurement_stands_in_one_row(rows):
     q = point_question(np.zeros((3, 3)), 1e-3)
     points = _core.make_factors("surface_point", {"points": q.points, "covs": q.covs})
     rest = q.groups, np.zeros(0), q.shared_jacobian, np.zeros((0, 3, 0)), 0.0, q.rates, q.rate_weights, q.mean_rate
-    last = (
-        q.rays,
-        q.ray_shifts,
-        q.ray_turns,
-        q.prior_means,
-        q.prior_roots,
-        q.prior_log_weights,
-        q.table,
-        np.zeros(2),
-        np.zeros(0),
-    )
+    last = q.rays, q.ray_shifts, q.ray_turns, q.prior_means, q.prior_roots, q.prior_log_weights, q.table
+    last = *last, np.zeros(2), np.zeros(0)
     with pytest.raises(ValueError, match=r"^rows: "):
         _core.make_problem([(points, np.array(rows, np.int32))], np.zeros(3), *rest, *last)
 

@@ -10,6 +10,7 @@ import numpy as np
 from tanteo.features import SharedError
 from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.typing import BoolArray
+from tanteo.posterior.answers.pose_prior import Table
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.answers.results import Hypothesis, Status
 from tanteo.posterior.answers.status import verdict
@@ -29,6 +30,7 @@ from tanteo.posterior.dominant_error import dominant_shared_error
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
 from tanteo.posterior.posterior import Posterior
 from tanteo.posterior.prior_check import PriorCheck
+from tanteo.posterior.stable_poses import nearest_stable_pose
 from tanteo.words import Finding
 from tanteo.words.findings import (
     AmongUnsearched,
@@ -36,6 +38,7 @@ from tanteo.words.findings import (
     MissedPoses,
     NotSearched,
     OneRegion,
+    OnOtherSide,
     PriorContradicted,
     WorstReading,
 )
@@ -102,6 +105,8 @@ def verdict_of(
         more.append(face_elsewhere(posterior.problem.points, found[0], unknown, priors))
     if found:
         more.append(on_furniture(found[0]))
+    if found and hypotheses and priors.pose is not None and priors.pose.table is not None:
+        more.append(_on_other_side(found[0], hypotheses[0], priors.pose.table))
     if found and status in ("ambiguous", "insufficient"):
         more.append(_in_one_region(found[0]))
     if status in ("ambiguous", "insufficient") and posterior.missing > NOTABLE:
@@ -124,6 +129,17 @@ def _known_after_all(
     if hypotheses and mostly_on(hypotheses[0], posterior.unknown):
         return "unknown", (mostly_on_part(hypotheses[0], posterior.unknown),)
     return "unknown", findings
+
+
+def _on_other_side(one: GoodnessOfFit, best: Hypothesis, table: Table) -> OnOtherSide | None:
+    """Return the finding that a part does not lie on its most probable side; None if it does, or may do."""
+    part, sds = one.mode.prepared.part, np.sqrt(np.diag(best.covariance)[3:])
+    rests, k, tilt = nearest_stable_pose(part, table.normal, best.T_world_part)
+    slack = one.mode.objective.problem.settings.search.gate * float(sds.max() + table.sd / (0.25 * part.diagonal))
+    own, most = rests[k].probability, max(rest.probability for rest in rests)
+    if tilt > slack:
+        return OnOtherSide(part.name, 0.0, most, tilt)
+    return OnOtherSide(part.name, own, most, tilt) if own < 0.5 * most else None
 
 
 def _in_one_region(best: GoodnessOfFit) -> OneRegion | None:

@@ -19,6 +19,7 @@ from tanteo.posterior.labels import LabelEvidence, groups_of, label_evidence
 from tanteo.posterior.outliers import outlier_rates
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.settings import DEFAULTS, POSE_DOF, Settings
+from tanteo.posterior.stable_poses import resting
 from tanteo.posterior.touched_region import TouchedRegion, touched_region
 
 
@@ -162,6 +163,8 @@ class Problem:
             np.zeros(0) if table is None else np.r_[table.point, table.normal, table.sd],
             np.array([self.region.area, self.region.length]), self.region.groups,
         )  # fmt: skip
+        if table is not None:
+            core.add(resting(table, prepared.part))
         first = t.shared_jacobian.shape[2]
         for factor in self.pose_factors:
             core.add(factor.term(prepared.part, first))

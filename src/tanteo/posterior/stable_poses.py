@@ -7,15 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.catalogue import known_stable_poses
+from tanteo.catalogue import StablePose, known_stable_poses
 from tanteo.factors import PoseFactor
 from tanteo.geometry import SE3, freeze
-from tanteo.geometry.typing import FloatArray, Transforms
+from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.parts import Part
+from tanteo.posterior.answers.pose_prior import Table
 
 _SAME = 1e-3
 """Numerical: difference of directions below which they are equal by symmetry [rad]; the symmetry of parts has the same
 tolerance."""
+
+_ANY_HEIGHT = 1e6
+"""Numerical: standard deviation of a height that is not compared [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,33 +48,71 @@ class OnTable(PoseFactor):
 
     def term(self, part: Part, first: int) -> _core.PoseTerm:
         """Compile the prior for one part; it adds no shared error."""
-        rests, symmetry = known_stable_poses(part), part.symmetry
-        ups, heights, logs = [], [], []
-        for rest in rests:
-            some = _images(part, rest.T_table_part[2, :3])
-            ups.append(some)
-            heights += [float(SE3.apply(rest.T_table_part, part.centroid)[2])] * len(some)
-            logs += [np.log(rest.probability / len(some))] * len(some)
-        freedom = 2 if symmetry.spherical else int(symmetry.axis is not None)
-        axis = np.array([0.0, 0.0, 1.0]) if symmetry.axis is None else symmetry.axis[1]
-        return _core.stable_poses(
-            np.ascontiguousarray(np.concatenate(ups)), np.array(heights), np.array(logs), part.centroid, freedom,
-            np.ascontiguousarray(axis), np.ascontiguousarray(self.T_world_table), self.height_sd, self.tilt_sd,
-            self.area,
-        )  # fmt: skip
+        return _term(part, self.T_world_table, self.height_sd, self.tilt_sd, self.area)
 
     def log_probability(self, part: Part, T_world_part: Transforms) -> float:
         """Return the log probability of the stable pose that is nearest to a pose ``(4, 4)``."""
-        rests, symmetry = known_stable_poses(part), part.symmetry
-        up = T_world_part[:3, :3].T @ self.T_world_table[:3, 2]
-        nearest = np.zeros(len(rests))
-        if symmetry.axis is not None:
-            axis = symmetry.axis[1]
-            ups = [symmetry.Ts[:, :3, :3] @ rest.T_table_part[2, :3] @ axis for rest in rests]
-            nearest = np.array([np.abs(own - up @ axis).min() for own in ups])
-        elif not symmetry.spherical:
-            nearest = np.array([-(_images(part, rest.T_table_part[2, :3]) @ up).max() for rest in rests])
-        return float(np.log(rests[int(np.argmin(nearest))].probability))
+        rests, k, _ = nearest_stable_pose(part, self.T_world_table[:3, 2], T_world_part)
+        return float(np.log(rests[k].probability))
+
+
+def resting(table: Table, part: Part) -> _core.PoseTerm:
+    """Compile the density of the attitude of a part on a table, over that of uniform attitudes.
+
+    It is a mixture: a stable pose, tilted by the error of the table's height over a quarter of the part, or any
+    attitude if the part leans. The height over the table is a prior of its own.
+
+    Args:
+        table: the table.
+        part: the part.
+    """
+    attitude = np.log(4 * np.pi) + np.log(2 * np.pi) + np.log(np.sqrt(2 * np.pi) * _ANY_HEIGHT)
+    lying = _term(part, table.frame, _ANY_HEIGHT, table.sd / (0.25 * part.diagonal), 1.0, log_factor=float(attitude))
+    if table.leaning == 1:
+        return _core.alternatives([[]], np.zeros(1))
+    return _core.alternatives([[lying], []], np.log([1 - table.leaning, table.leaning]))
+
+
+def _term(
+    part: Part, T_world_table: Transforms, height_sd: float, tilt_sd: float, area: float, *, log_factor: float = 0.0
+) -> _core.PoseTerm:
+    symmetry = part.symmetry
+    ups, heights, logs = [], [], []
+    for rest in known_stable_poses(part):
+        some = _images(part, rest.T_table_part[2, :3])
+        ups.append(some)
+        heights += [float(SE3.apply(rest.T_table_part, part.centroid)[2])] * len(some)
+        logs += [log_factor + np.log(rest.probability / len(some))] * len(some)
+    freedom = 2 if symmetry.spherical else int(symmetry.axis is not None)
+    axis = np.array([0.0, 0.0, 1.0]) if symmetry.axis is None else symmetry.axis[1]
+    return _core.stable_poses(
+        np.ascontiguousarray(np.concatenate(ups)), np.array(heights), np.array(logs), part.centroid, freedom,
+        np.ascontiguousarray(axis), np.ascontiguousarray(T_world_table), height_sd, tilt_sd, area,
+    )  # fmt: skip
+
+
+def nearest_stable_pose(
+    part: Part, normal: Vectors, T_world_part: Transforms
+) -> tuple[tuple[StablePose, ...], int, float]:
+    """Return the stable poses of a part, the index of the one nearest to a pose, and its tilt from that one [rad].
+
+    Args:
+        part: the part.
+        normal: normal of the table in the world ``(3,)``.
+        T_world_part: the pose ``(4, 4)``.
+    """
+    rests, symmetry = known_stable_poses(part), part.symmetry
+    up = T_world_part[:3, :3].T @ normal
+    if symmetry.spherical:
+        return rests, 0, 0.0
+    if symmetry.axis is not None:
+        axis = symmetry.axis[1]
+        ups = [symmetry.Ts[:, :3, :3] @ rest.T_table_part[2, :3] @ axis for rest in rests]
+        angles = np.array([np.abs(np.arccos(np.clip(own, -1, 1)) - np.arccos(up @ axis)).min() for own in ups])
+    else:
+        angles = np.array([np.arccos(np.clip(_images(part, r.T_table_part[2, :3]) @ up, -1, 1)).min() for r in rests])
+    k = int(np.argmin(angles))
+    return rests, k, float(angles[k])
 
 
 def _images(part: Part, up: FloatArray) -> FloatArray:

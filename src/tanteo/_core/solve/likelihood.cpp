@@ -77,9 +77,14 @@ void Likelihood::evaluate(const State& state, int j, bool with_slope) {
 Likelihood::Likelihood(const Shape& shape, const Problem& problem) : shape(shape), problem(problem), designs(1) {
     const Region& patch = problem.region;
     Design region;
-    if (patch.area > 0) region.on_face = std::max(1.0, shape.area / patch.area);
-    if (patch.length > 0) region.on_edge = std::max(1.0, shape.edge_length / patch.length);
-    region.log_weight = -std::log(patch.area > 0 ? region.on_face : region.on_edge);
+    bool on_faces = false, on_edges = false;
+    for (const auto& factor : problem.factors) {
+        on_faces = on_faces || (factor->codimension() == 1 && !factor->aimed());
+        on_edges = on_edges || (factor->codimension() == 2 && !factor->aimed());
+    }
+    if (on_faces && patch.area > 0) region.on_face = std::max(1.0, shape.area / patch.area);
+    if (on_edges && patch.length > 0) region.on_edge = std::max(1.0, shape.edge_length / patch.length);
+    region.log_weight = -std::log(on_faces ? region.on_face : region.on_edge);
     if (region.on_face > 1 || region.on_edge > 1) designs.push_back(region);
     for (Design& design : designs) design.labels.resize(problem.groups.size());
 }

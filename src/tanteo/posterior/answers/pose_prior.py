@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, check_covariances, check_transforms
-from tanteo.geometry.limits import LEAST_SD, check_length, check_places, check_spreads
+from tanteo.geometry.limits import LEAST_SD, NOTABLE, check_length, check_number, check_places, check_spreads
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
 from tanteo.parts import Part
 from tanteo.values import Value, lock
@@ -22,13 +22,18 @@ class Table:
         point: point on the plane ``(3,)`` [m].
         normal: normal of the plane towards the part ``(3,)``.
         sd: standard deviation of its height [m].
+        leaning: probability that the part is in none of its stable poses: it leans on something, or is held.
     """
 
     point: Vectors
     normal: Vectors
     sd: float
+    leaning: float = NOTABLE
 
     def __post_init__(self) -> None:
+        check_number("table, leaning", self.leaning)
+        if not 0 < self.leaning <= 1:
+            raise InputError(f"table, leaning: expected a probability above 0, got {self.leaning}. 1 is any pose.")
         length = float(np.linalg.norm(self.normal))
         if not (np.isfinite(length) and length > 0):
             raise InputError("table: expected a normal with a length. Check it.")

@@ -108,6 +108,24 @@ class OutliersOnPlane(Finding):
 
 
 @dataclass(frozen=True, slots=True)
+class OnOtherSide(Finding):
+    """A part on a table lies on another side than the most probable one, or is in none of its stable poses.
+
+    Attributes:
+        part: name of the part.
+        probability: probability of the stable pose in which it is; 0 if it is in none.
+        most: probability of the most probable stable pose.
+        tilt: angle to the nearest stable pose [rad].
+    """
+
+    kind: ClassVar[str] = "on_other_side"
+    part: str
+    probability: float
+    most: float
+    tilt: float
+
+
+@dataclass(frozen=True, slots=True)
 class OneRegion(Finding):
     """All touches are in one region of the part, so that they hardly discriminate parts with a similar region.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from tanteo.words import findings as f
 from tanteo.words.figures import from_surface, listed, millimetres, percent, readings
 from tanteo.words.sentences.base import Words, words_of
@@ -77,6 +79,15 @@ def _(one: f.OutliersOnPlane) -> Words:
     return (
         f"{n} of {readings(one.count)}{named} lie on one plane beside the part: a table or a jaw?"
     ), "State it (--table, --furniture), or omit these readings."
+
+
+@words_of.register
+def _(one: f.OnOtherSide) -> Words:
+    if not one.probability:
+        nearest = f"{math.degrees(one.tilt):.3g} deg from the nearest"
+        return f"{one.part} is in none of its stable poses on the table, but {nearest}.", "Check the table."
+    sides = f"one with {percent(one.probability)}, not on its most probable side with {percent(one.most)}"
+    return f"{one.part} lies on another side than usual: on {sides}.", ""
 
 
 @words_of.register
