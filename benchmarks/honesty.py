@@ -1,7 +1,7 @@
-"""Told against right where touches are uneven, a size of a design is missing, or a reading is on another object.
+"""Claimed against right where touches are uneven, a size of a design is missing, or a reading is on another object.
 
 ``python benchmarks/honesty.py [scenes] [seed] [kind ...]`` prints one row for each kind of scene with standard errors:
-the mean probability of the best hypothesis (told), the fraction that is the true part at the true pose (right), and the
+the mean probability of the best hypothesis (claimed), the fraction that is the true part at the true pose (right), and the
 number of answers ``recognized`` that are wrong. ``scenes`` is 40 and ``seed`` 1 by default. ``--processes`` and
 ``--keep`` work as in ``campaign.py``. ``--seeds`` answers each scene with seeds 0 to 4 and prints how often P(best)
 agrees within 0.05.
@@ -152,7 +152,7 @@ def _contradictions(near, points):
     return min(counts)
 
 
-def honest_outlier(seed, k, search=0):
+def one_outlier(seed, k, search=0):
     """Answer twelve touches of an example part with one outlier, and the same with that touch repeated."""
     rng = np.random.default_rng((seed, k))
     own, T = examples()[rng.integers(len(examples()))], box_centred_pose(rng)
@@ -166,7 +166,7 @@ def honest_outlier(seed, k, search=0):
 
 
 def on_table(seed, k, search=0, stated=False, readings=6):
-    """Answer touches of a part on a table; three of twelve are on the table unless it is stated."""
+    """Answer touches of a part on a table; three of twelve are on the table unless the table is stated."""
     rng = np.random.default_rng((seed, k))
     own = examples()[rng.integers(len(examples()))]
     from tanteo.catalogue import known_stable_poses
@@ -208,8 +208,8 @@ KINDS = {
     **{f"{how}, {'directed' if directed else 'bare'}": partial(touched, how, directed)
        for how in ("even", "corner", "top", "two faces", "line") for directed in (False, True)},
     "10 % longer": partial(variant, 1.1), "30 % longer": partial(variant, 1.3),
-    "outlier, touched again": honest_outlier,
-    "on a table that nobody stated": on_table,
+    "outlier, touched again": one_outlier,
+    "on an unstated table": on_table,
     "on a stated table, 6 touches": partial(on_table, stated=True),
 }  # fmt: skip
 """Kinds of scenes and their functions of seed and number."""
@@ -222,7 +222,7 @@ def case(kind, seed, k, search):
 
 def summary(kind, rows):
     """Return the figures of one kind."""
-    told, right = np.array([r["P"] for r in rows]), np.array([r["right"] for r in rows])
+    claimed, right = np.array([r["P"] for r in rows]), np.array([r["right"] for r in rows])
     sure = [r for r in rows if r["status"] == "recognized"]
     more = ""
     if "off" in rows[0]:
@@ -233,11 +233,11 @@ def summary(kind, rows):
         )
     if "plane" in rows[0]:
         more = f"named {sum(r['plane'] for r in rows)}"
-    gap = (told - right).std() / np.sqrt(len(rows))
+    gap = (claimed - right).std() / np.sqrt(len(rows))
     return (
-        kind, str(len(rows)), f"{told.mean():.3f}", f"{right.mean():.3f}",
-        f"{told.mean() - right.mean():+.3f} ± {gap:.3f}", f"{sum(r['right'] for r in sure)} of {len(sure)}",
-        str(int(np.sum((told > 0.9) & ~right))), str(sum(r["status"] == "unknown" for r in rows)),
+        kind, str(len(rows)), f"{claimed.mean():.3f}", f"{right.mean():.3f}",
+        f"{claimed.mean() - right.mean():+.3f} ± {gap:.3f}", f"{sum(r['right'] for r in sure)} of {len(sure)}",
+        str(int(np.sum((claimed > 0.9) & ~right))), str(sum(r["status"] == "unknown" for r in rows)),
         f"{np.mean([r['seconds'] for r in rows]):.2f} s", more,
     )  # fmt: skip
 
@@ -247,7 +247,7 @@ def run(kinds, scenes, seed, keep=None, processes=1, seeds=(0,)):
     cases = [(kind, seed, k, search) for kind in kinds for k in range(scenes) for search in seeds]
     done = dict(zip(cases, run_cases(case, cases, keep, processes), strict=True))
     columns = (
-        "kind", "scenes", "told", "right", "told - right", "recognized, right", "wrong above 0.9", "unknown", "time",
+        "kind", "scenes", "claimed", "right", "claimed - right", "recognized, right", "wrong above 0.9", "unknown", "time",
         "",
     )  # fmt: skip
     rows = [summary(kind, [row for c, row in done.items() if c[0] == kind]) for kind in kinds]
@@ -256,7 +256,7 @@ def run(kinds, scenes, seed, keep=None, processes=1, seeds=(0,)):
         columns = (*columns, "spread of P below 0.05")
         rows = [(*row, f"{np.mean(np.array(spread[row[0]]) < 0.05):.3f}") for row in rows]
     text = f"{READINGS} touches of {1e3 * SD:g} mm, seed {seed}, {len(seeds)} seeds of the search."
-    return Table("Told against right", text, columns, rows)
+    return Table("Claimed against right", text, columns, rows)
 
 
 if __name__ == "__main__":

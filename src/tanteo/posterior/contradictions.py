@@ -1,7 +1,7 @@
 """Readings that contradict the best part: an outlier or an object that differs there, or a plane that is not the part.
 
 One reading off a face is an outlier of the sensor, or the object is a variant whose face is elsewhere. The other
-readings decide only if one of them is on the same face near it.
+readings decide only if a reading near it is on the same face.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """The region that measurements without a direction touch, which may be a small part of the surface.
 
-A person touches where the hand can reach. Two designs of all places together are equally probable: even over the part,
-with the density 1 / A of each place, or even over one region of area a whose centre is even over the part, with the
-density 1 / a of each place and the probability a / A of the region. The size of the region is that of the touched
-patch, whichever part it is of. A beam of known direction has no density per area, and no part in this.
+A person touches where the hand can reach. Two designs of all places together are equally probable. Places are even over
+the part, each with the density 1 / A. Or they are even over one region of area a: each has the density 1 / a, and the
+region the probability a / A. The region has the size of the touched patch, for every part. Beams of known direction
+have no density per area, so that the design does not change them.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class Likelihood {
     std::vector<Evaluated> evaluated;
     Components components;
 
-    // the designs, the first of them even over the part; the second is left out where it equals the first
+    // the designs, the first of them even over the part; the second is absent if it equals the first
     std::vector<Design> designs;
     double in_region = 0;  // probability of the second design at the state
 

@@ -95,7 +95,7 @@ class OnFurniture(Finding):
 
 @dataclass(frozen=True, slots=True)
 class OutliersOnPlane(Finding):
-    """Readings that are not on the part lie on one plane beside it, such as a table or a jaw that nobody stated.
+    """Readings that are not on the part lie on one plane beside it, such as an unstated table or jaw.
 
     Attributes:
         readings: their ids.
