@@ -478,7 +478,7 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
             or (
                 s is best
                 and s.restarts < min(own.rounds + own.rounds // 2, share)
-                and (s.is_doubtful() or not s.is_good_fit())
+                and (s.is_doubtful() or s.is_noisy())
             )
         ]
         for search in left:
@@ -491,9 +491,11 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
 
 def _may_be_missed(problem: Problem, searches: Sequence[PartSearch]) -> bool:
     """Return whether a part that is far behind the leader may have a maximum that its search has missed."""
-    best = max(searches, key=lambda s: s.log_evidence)
+    best = max(searches, key=lambda s: s.log_evidence, default=None)
+    if best is None:
+        return False
     region = problem.region.area
-    return 0 < region < 0.5 * best.objective.prepared.part.area or not best.is_good_fit()
+    return 0 < region < 0.5 * best.objective.prepared.part.area or best.is_noisy() or not best.is_good_fit()
 
 
 def still_active(searches: Sequence[PartSearch], log_unknown: float, margin: float) -> list[PartSearch]:

@@ -11,8 +11,10 @@ from itertools import combinations
 import numpy as np
 
 from tanteo.geometry import SE3
+from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Vectors
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
+from tanteo.posterior.outliers import beta_binomial_tail
 from tanteo.words.findings import OutlierOrVariant, OutliersOnPlane
 
 NEAR = 0.2
@@ -74,8 +76,8 @@ def _normal(places: Vectors, slack: FloatArray) -> Vectors | None:
 def outlier_or_variant(one: GoodnessOfFit, explained: BoolArray) -> OutlierOrVariant | None:
     """Return the finding that readings off the part may be outliers, or show a variant; None if there is no doubt.
 
-    There is none where another reading on the same face near it is on the part, and where no more readings are off than
-    the stated rate of outliers predicts.
+    There is none where another reading on the same face near it is on the part. Nor is there if the stated rate
+    predicts an outlier or more among so many readings, and not too many are off.
 
     Args:
         one: the most probable mode.
@@ -84,7 +86,8 @@ def outlier_or_variant(one: GoodnessOfFit, explained: BoolArray) -> OutlierOrVar
     problem, at = one.mode.objective.problem, one.at
     residuals = np.abs(at.distances[0] * one.per_stated_sd)
     far = np.flatnonzero(one.outliers & ~explained & (residuals > problem.settings.search.gate))
-    if len(far) <= problem.priors.outlier_rate * len(one.outliers):
+    n, rate = len(one.outliers), problem.priors.outlier_rate
+    if n * rate >= 1 and beta_binomial_tail(len(far), n, rate) > NOTABLE:
         return None
     doubtful = far[[not _is_refuted(one, int(k)) for k in far]] if len(far) else far
     if not len(doubtful):

@@ -136,15 +136,25 @@ class PartSearch:
         return np.asarray(best.inlier_probability[0, others] > 0.5)
 
     def is_good_fit(self) -> bool:
-        """Return whether nearly all points are on the part at the best maximum, with no more noise than expected.
+        """Return whether nearly all points are on the part at the best maximum, with no more noise than known."""
+        on = self.on_the_part()
+        return not len(on) or (float(on.mean()) > self.settings.explained and self._log_scale() <= self._scale_sd)
+
+    def is_noisy(self) -> bool:
+        """Return whether the noise scale at the best maximum is notably larger than stated: a better one may be missed.
 
         The log of a noise scale from points with ``m`` degrees of freedom has a standard deviation of 1 / sqrt(2 m).
         """
-        on, sd = self.on_the_part(), self.objective.problem.scale_sd
-        freedom = max(float(on.sum()) - POSE_DOF, 1.0)
-        limit = min(sd, self.settings.notable_sds / float(np.sqrt(2 * freedom)))
-        is_noisy = sd > 0 and len(self.peaks) > 0 and sd * float(self.peaks.zs[0, -1]) > limit
-        return not len(on) or (float(on.mean()) > self.settings.explained and not is_noisy)
+        freedom = max(float(self.on_the_part().sum()) - POSE_DOF, 1.0)
+        return self._log_scale() > min(self._scale_sd, self.settings.notable_sds / float(np.sqrt(2 * freedom)))
+
+    @property
+    def _scale_sd(self) -> float:
+        return self.objective.problem.scale_sd
+
+    def _log_scale(self) -> float:
+        """Return the log of the noise scale at the best maximum; 0 where the noise is as stated."""
+        return self._scale_sd * float(self.peaks.zs[0, -1]) if self._scale_sd > 0 and len(self.peaks) else 0.0
 
     def is_doubtful(self) -> bool:
         """Return whether the best maximum has more outliers than expected, which may have hidden a better one."""

@@ -75,7 +75,7 @@ def _(one: f.OnFurniture) -> Words:
 @words_of.register
 def _(one: f.OutliersOnPlane) -> Words:
     n = len(one.readings)
-    named = f" ({listed(list(one.readings))})" if n <= _MOST_NAMES else ""
+    named = f" ({listed(list(one.readings))})" if 0 < n <= _MOST_NAMES else ""
     return (
         f"{n} of {readings(one.count)}{named} lie on one plane beside the part: a table or a jaw?"
     ), "State it (--table, --furniture), or omit these readings."

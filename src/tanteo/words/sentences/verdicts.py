@@ -32,8 +32,11 @@ def _(one: f.PoseWithin) -> Words:
 
 @words_of.register
 def _(one: f.SeveralPoses) -> Words:
-    count = f"{one.poses}" if one.poses else "several"
-    text = f"The part is {one.part}{_sure(one.probability)}. Its pose is one of {count}.{_or_else(one.others)}"
+    if one.poses:
+        text = f"The part is {one.part}{_sure(one.probability)}. Its pose is one of {one.poses}."
+    else:
+        text = f"It is {one.part}{_sure(one.probability)}, in one of several poses."
+    text += _or_else(one.others)
     return text, "Sense a face that is at different places in these poses."
 
 
@@ -66,6 +69,8 @@ def _(one: f.FreeMotions) -> Words:
 
 @words_of.register
 def _(one: f.OutlierOrVariant) -> Words:
+    if not one.readings:
+        return f"{one.part} fits, but readings contradict it.", "Touch there again."
     first, off = one.readings[0], from_surface(one.distances[0])
     more = f", and {readings(len(one.readings) - 1)} more" if len(one.readings) > 1 else ""
     return (
