@@ -136,7 +136,8 @@ def test_document_follows_the_contract():
     document = json.loads(recognition_json(result))
     assert document == recognition_document(result)
     assert list(document) == [
-        "schema", "version", "seed", "status", "message", "hypotheses", "unknown_probability", "elapsed_s", "findings",
+        "schema", "version", "seed", "status", "message", "hypotheses", "parts", "unknown_probability",
+        "missed_probability", "elapsed_s", "findings",
     ]  # fmt: skip
     assert (document["schema"], document["version"], document["seed"]) == ("tanteo.recognition/1", __version__, 7)
     assert document["elapsed_s"] == {"load": 0.4, "search": 0.02, "total": 0.5}
