@@ -13,6 +13,7 @@ import numpy.typing as npt
 from tanteo.defaults import SIGNIFICANCE, TIP_SD, TOP
 from tanteo.errors import InputError
 from tanteo.factors import PoseFactor, as_contact_points, as_free_rays
+from tanteo.factors.factor import KINDS, numbered_landmarks
 from tanteo.geometry.limits import check_length
 from tanteo.geometry.typing import FloatArray
 from tanteo.parts import Part, part_named
@@ -23,7 +24,7 @@ from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.convention_checks import about_conventions
 from tanteo.posterior.findings import about_frames, about_readings, scale_of
 from tanteo.posterior.settings import Settings
-from tanteo.sensors import PointMeasurements, Readings, Rig, measure, thinned, unstated_sd
+from tanteo.sensors import PointMeasurements, Readings, Rig, measure, reading_kind, thinned, unstated_sd
 from tanteo.sensors.presets import RobotPreset, SensorPreset
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
@@ -31,6 +32,7 @@ from tanteo.words.findings import (  # fmt: skip
     CheckPrior,
     EstimatedNoise,
     NoNoiseStated,
+    NoPart,
     PriorContradicted,
     Scatter,
     ThinnedReadings,
@@ -138,6 +140,7 @@ def identify(
         answer = answer.adding(_tip_estimate(answer, measured))
     if answer.status == "unknown" and placed and not any(isinstance(f, PriorContradicted) for f in answer.findings):
         answer = answer.adding(CheckPrior())
+    answer = _without_features(answer, readings, parts)
     answer = answer.adding(*about_readings(answer, readings, measured, rays, parts, settings))
     if len(readings) < given:
         answer = answer.adding(ThinnedReadings(len(readings), given))
@@ -158,6 +161,26 @@ def identify(
     note = note or frames  # a mistake that explains the readings is more specific than an odd frame
     answer = replace(answer, frame=readings.frame, stamp=readings.stamp)
     return answer if note is None else answer.adding(note)
+
+
+_MOST_EXAMINED = 20
+"""Largest number of parts that are examined for features."""
+
+
+def _without_features(answer: Answer, readings: Readings, parts: Sequence[Part]) -> Answer:
+    """Return an answer whose verdict names centres that no part can have, if none explains the readings."""
+    centres = {kind for kind in readings.kinds if reading_kind(kind).is_centre}
+    if answer.status != "unknown" or not centres or len(parts) > _MOST_EXAMINED:
+        return answer
+    classes = {cls for part in parts for cls, _, _ in numbered_landmarks(part)}
+    present = {kind for kind, cls in KINDS.items() if cls in classes}
+    missing = tuple(sorted(centres.difference(present)))
+    if not missing:
+        return answer
+    freeform = any(face.surface == "freeform" for part in parts for face in part.faces)
+    found = NoPart(parts[0].name if len(parts) == 1 else "", missing, tuple(sorted(present)), freeform)
+    others = [one for one in answer.findings if one.role != "verdict"]
+    return replace(answer, findings=(found, *others))
 
 
 class Query:

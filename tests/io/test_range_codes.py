@@ -119,3 +119,11 @@ def test_analog_signals_are_ranges_by_their_scale(tmp_path):
     for text in ("0V=1mm", "0V=1mm,0V=2mm", "0V=1mm,20mA=2mm", "x"):
         with pytest.raises(InputError, match="expected two points"):
             read_readings(path, rig=rig, analog=text)
+
+
+def test_few_ranges_outside_the_limits_are_excluded(tmp_path):
+    rig = rig_file(tmp_path, "vl53l0x")
+    readings = read_readings(table(tmp_path, *[300] * 9, 12, 1900), rig=rig)
+    assert len(readings) == 9
+    assert "1 range below the smallest one and 1 range beyond the largest one" in " ".join(readings.notes)
+    assert len(read_readings(table(tmp_path, 0.3, 0.31, unit="mm"), rig=rig)) == 2  # metres: refused when measured

@@ -111,3 +111,15 @@ def test_a_slip_in_the_pose_of_a_sensor_is_named(blocks, mistake):
     assert answer.status == "unknown"
     (found,) = (one for one in answer.findings if isinstance(one, Convention))
     assert found.mistake == mistake
+
+
+@pytest.mark.parametrize(
+    ("kind", "lacks"), [("sphere_centre", "no ball and no hollow"), ("centre", "no hole and no boss")]
+)
+def test_centres_that_a_part_cannot_have_are_named(blocks, kind, lacks):
+    points = np.random.default_rng(0).uniform(-0.05, 0.05, (12, 3))
+    normals = np.tile([0.0, 0.0, 1.0], (12, 1)) if kind == "centre" else None
+    answer = identified(blocks[:1], points, kinds=[kind] * 12, normals=normals)
+    assert answer.status == "unknown"
+    assert answer.message.startswith(f"long has {lacks}.")
+    assert not [one for one in answer.findings if isinstance(one, OffsetQuestion)]

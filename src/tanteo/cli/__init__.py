@@ -27,9 +27,15 @@ def main(argv: Sequence[str] | None = None) -> None:
     try:
         from tanteo.cli.app import app, spread_values  # inside, so that Ctrl-C while modules load is handled
         from tanteo.cli.files import TYPED
+        from tanteo.cli.misuse import MisuseError
+        from tanteo.cli.ros_arguments import without_ros_args
 
         _open_streams()
-        typed = list(sys.argv[1:] if argv is None else argv)
+        try:
+            typed = without_ros_args(sys.argv[1:] if argv is None else argv)
+        except MisuseError as error:
+            print(f"error: {error}", file=sys.stderr)
+            sys.exit(2)
         TYPED.set(("tanteo", *typed))
         app(args=spread_values(typed), prog_name="tanteo")
     except KeyboardInterrupt:

@@ -6,9 +6,9 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
@@ -16,6 +16,7 @@ from tanteo.cli import files, typed
 from tanteo.cli.misuse import MisuseError, misuse, require_errors
 from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, warned
 from tanteo.cli.readings import parse_direction, parse_latency, parse_radius, parse_time
+from tanteo.cli.ros_arguments import ROS_ARGS
 
 if TYPE_CHECKING:
     from tanteo.io.readings import Direction
@@ -77,6 +78,9 @@ class TopicOptions:
     node: Annotated[str, _topics("--node", "NAME", "Name of the node, and prefix of its topics and services.")] = (
         "tanteo"
     )
+    part_frame: Annotated[
+        str | None, _topics("--part-frame", "NAME", "Send the pose of the part to /tf, too, as this frame.")
+    ] = None
     sim_time: Annotated[
         bool, _topics("--sim-time", None, "Take the time from /clock, for a simulation or a played bag.")
     ] = False
@@ -87,7 +91,12 @@ class Options:
     """Options of ``ros``."""
 
     parts: args.PartPaths
+    table: args.TableAt = None
+    box: args.BoxAt = None
     pose_prior: args.PosePriorAt = None
+    prior: args.PriorPath = None
+    furniture: args.FurniturePaths = None
+    noise_factor: args.NoiseFactor = None
     units: args.Units = None
     sensor: args.Sensor = None
     sd: args.Sd = None
@@ -128,7 +137,10 @@ def ros(options: Options, topics: TopicOptions) -> None:
     from tanteo.ros import RosNode
     from tanteo.ros.network import Settings, opened
 
-    settings = Settings(topics.node, topics.sim_time, options.max_measurements, options.once)
+    settings = Settings(
+        topics.node, topics.sim_time, options.max_measurements, options.once, topics.part_frame or "",
+        tuple(ROS_ARGS.get()), _parameters(options, topics),
+    )  # fmt: skip
     with _named(topics.node), opened(settings) as node:
         parts = files.read_all_parts(options.parts, options.units, quiet=True)
         known = _estimator(parts, options, topics)
@@ -140,6 +152,21 @@ def ros(options: Options, topics: TopicOptions) -> None:
         with _ended_by_signals(server):
             answer = server.run()
     _print(answer, options)
+
+
+def _parameters(options: Options, topics: TopicOptions) -> dict[str, tuple[Any, str]]:
+    """Return the given options as parameters of the node with descriptions: numbers in SI units, otherwise text."""
+    out: dict[str, tuple[Any, str]] = {}
+    for group in (options, topics):
+        annotations = get_type_hints(type(group), include_extras=True)
+        for one in fields(group):
+            value = getattr(group, one.name)
+            words = next((e.help for e in annotations[one.name].__metadata__ if getattr(e, "help", None)), "")
+            if isinstance(value, bool | int | float | str):
+                out[one.name] = value, words
+            elif isinstance(value, list | tuple) and value and all(isinstance(v, str) for v in value):
+                out[one.name] = list(value), words
+    return out
 
 
 @contextmanager
@@ -171,7 +198,14 @@ def _estimator(parts: Sequence[Part], options: Options, topics: TopicOptions) ->
         sensor=options.sensor, sd=options.sd, robot=options.robot, tip_sd=options.tip_sd, bias_sd=options.bias_sd,
         rig=rig, tolerance=options.form_sd,
     )  # fmt: skip
-    stated: dict[str, Any] = {"outlier_rate": options.outlier_rate, "unknown": options.unknown_prior}
+    furniture = tuple(io.poses.read_furniture(text, options.units, "--furniture") for text in options.furniture or ())
+    known = typed.read_known(options.table, options.box, None, options.prior)
+    if known is not None and options.pose_prior is not None:
+        raise MisuseError("--pose-prior: expected it without --table, --box and --prior in a node, got both. Drop one.")
+    stated: dict[str, Any] = {
+        "outlier_rate": options.outlier_rate, "unknown": options.unknown_prior, "pose": known,
+        "noise_factor": options.noise_factor, "furniture": furniture or None,
+    }  # fmt: skip
     with misuse():
         priors = posterior.Priors(**{name: value for name, value in stated.items() if value is not None})
     stop = Stop(tolerance=options.goal, max_measurements=options.max_measurements)

@@ -25,7 +25,7 @@ from tanteo.posterior.findings import fits_size, scale_of
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.settings import DEFAULTS, Settings
 from tanteo.posterior.trial_fit import TrialFit, trial_fit
-from tanteo.sensors import Column, Readings, Rig, thinned
+from tanteo.sensors import Column, Readings, Rig, reading_kind, thinned
 from tanteo.words import Finding
 from tanteo.words.findings import Convention, MirrorConvention, MirrorQuestion, OffsetQuestion, UnitsConvention
 
@@ -175,6 +175,8 @@ def _about_offset(
     readings: Readings, parts: Sequence[Part], question: Query, settings: Settings
 ) -> OffsetQuestion | None:
     """Return the question of one common offset with which all readings fit; None if there is none."""
+    if all(reading_kind(kind).is_centre or kind == "free" for kind in readings.kinds):
+        return None  # a centre has neither a radius nor an approach
     sd = _OFFSET * max(sizes_of(parts))
     try:
         trial = trial_fit(*question.problem(readings, parts), offset_sd=sd)

@@ -75,3 +75,15 @@ def state_message(
         values["largest corner sd [mm]"] = f"{1e3 * answer.best.corner_sd:.3f}"
     level = io.documents.OK if answer.status == "recognized" else io.documents.WARN
     return io.documents.diagnostics_message(level, f"{answer.status}: {answer.message}", values, stamp)
+
+
+def part_transform(pose: dict[str, Any], frame: str) -> dict[str, Any]:
+    """Return the ``tf2_msgs/TFMessage`` of a part whose pose is sent.
+
+    Args:
+        pose: fields of the ``PoseWithCovarianceStamped``.
+        frame: name of the part's frame.
+    """
+    own = pose["pose"]["pose"]
+    moved = {"translation": own["position"], "rotation": own["orientation"]}
+    return {"transforms": [{"header": pose["header"], "child_frame_id": frame, "transform": moved}]}

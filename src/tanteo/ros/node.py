@@ -19,7 +19,7 @@ from tanteo.planning import Done
 from tanteo.posterior import Answer
 from tanteo.ros.estimators import Estimator
 from tanteo.ros.intake import Intake
-from tanteo.ros.messages import next_document, next_pose, state_message
+from tanteo.ros.messages import next_document, next_pose, part_transform, state_message
 from tanteo.ros.network import Settings
 from tanteo.ros.types import filled, type_named
 from tanteo.sensors import Readings
@@ -29,6 +29,7 @@ _DISCOVERY, _PROCESSING, _DIAGNOSTICS = 0.5, 0.05, 1.0
 """Intervals of topic discovery, of processing of readings, and of diagnostics [s]."""
 _SOURCES = io.documents.RANGE, io.documents.POINT
 """Types of messages that the node takes readings from; scans are read from recordings."""
+_TF = "tf2_msgs/msg/TFMessage"
 _DEPTH = 1000
 """Depth of the subscription queues [messages]."""
 
@@ -105,6 +106,8 @@ class RosNode:
             ("~/next_reading", io.documents.POSE, kept), ("/diagnostics", io.documents.DIAGNOSTICS, 10),
         ):  # fmt: skip
             self._out[topic] = self.node.create_publisher(type_named(kind), topic, profile), kind
+        if self.settings.part_frame:
+            self._out["/tf"] = self.node.create_publisher(type_named(_TF), "/tf", _DEPTH), _TF
         try:
             from std_srvs.srv import Trigger
         except ImportError:
@@ -115,7 +118,7 @@ class RosNode:
 
     def _discover(self) -> None:
         """Subscribe to new relevant topics."""
-        own, topics = f"/{self.settings.name}/", self.node.get_topic_names_and_types()
+        own, topics = f"{self.node.get_fully_qualified_name()}/", self.node.get_topic_names_and_types()
         there = {topic: kinds[0] for topic, kinds in topics if not topic.startswith(own)}
         for topic, kind in io.documents.wanted_topics(there, self.intake.options, _SOURCES).items():
             if topic not in self._subscribed:
@@ -212,6 +215,8 @@ class RosNode:
         if answer.status == "recognized" and answer.best is not None:
             pose = io.documents.pose_message(answer.best.T_world_part, answer.best.covariance, stamp, world)
             self._send("~/pose", pose)
+            if self.settings.part_frame:
+                self._send("/tf", part_transform(pose, self.settings.part_frame))
         placed = [io.documents.Placed(self.parts[h.part], h.T_world_part, h.probability) for h in answer.hypotheses]
         points = None if readings is None else readings.points.values
         self._send("~/hypotheses", io.documents.marker_message(placed, points, stamp, world))

@@ -115,7 +115,8 @@ def test_documents_have_the_numbers_of_the_text():
     document = recognition_document(Answer("unknown", (findings.NoPart(), scatter), (), 1.0))
     assert json.dumps(document)
     assert document["findings"][0] == {
-        "kind": "no_part", "role": "verdict", "message": sentence(findings.NoPart()), "values": {},
+        "kind": "no_part", "role": "verdict", "message": sentence(findings.NoPart()),
+        "values": {"part": "", "missing": [], "present": [], "freeform": False},
     }  # fmt: skip
     assert document["findings"][1]["values"] == {
         "scale": 2.5, "low": 1.8, "high": 3.4, "worst": {"reading": "7", "sds": 4.2, "normal": False}, "part": "",

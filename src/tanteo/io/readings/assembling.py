@@ -11,7 +11,7 @@ from tanteo.errors import ReadingsError, UnitError
 from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.io.poses.transforms import Track
 from tanteo.io.readings.centres import find_centres, set_axis_sds
-from tanteo.io.readings.range_codes import mark_reach
+from tanteo.io.readings.range_codes import mark_outside, mark_reach
 from tanteo.sensors import Readings, check_features, reading_kind
 
 if TYPE_CHECKING:
@@ -48,6 +48,10 @@ def assemble(
     """
     notes = list(notes)
     mark_reach(columns, n, stated, notes)
+    kept = mark_outside(columns, n, stated, notes)
+    if len(kept) < n:
+        columns = {name: rows_of(values, kept) for name, values in columns.items()}
+        outward, n = (None if outward is None else outward[kept]), len(kept)
     n = _place_in_time(columns, n, stated, source, notes)
     _place(columns, stated, source, notes)
     _give_radius(columns, n, stated, source)

@@ -33,6 +33,8 @@ _FAR = 4_000.0
 """Smallest code that is suspected of a device without known codes [mm]; no shipped preset has a larger range."""
 _CLOSE = 1e-9
 """Relative difference within which two numbers of a file are the same."""
+_FEW = 0.2
+"""Largest fraction of ranges outside the limits of the device that are excluded; more suggest a wrong unit."""
 _HEAP = 3
 """Number of equal largest ranges from which they are a heap, if no other range occurs half as often, and number of
 other distinct ranges that are needed to see it."""
@@ -213,6 +215,44 @@ def _reach(columns: dict[str, Any], n: int, stated: Stated) -> FloatArray:
     out = np.array([reaches[name] for name in names]) if names else np.full(n, reaches.get("", math.nan))
     own_max = columns.get("max_ranges")
     return out if own_max is None else np.where(np.isnan(own_max), out, own_max)
+
+
+def mark_outside(columns: dict[str, Any], n: int, stated: Stated, notes: list[str]) -> list[int]:
+    """Return the rows to keep: without ranges outside the limits of their device, if these are few.
+
+    A range below the smallest one is no measurement (REP 117). If most ranges are outside, the unit or the device is
+    wrong, which is refused later.
+
+    Args:
+        columns: columns of a file in SI units.
+        n: number of rows.
+        stated: options of the user.
+        notes: notes, which are extended.
+    """
+    ranges = columns.get("ranges")
+    if ranges is None:
+        return list(range(n))
+    names = columns.get("sensors") or [""] * n
+    nearest = {name: _nearest(name, stated) for name in set(names)}
+    given = np.array(ranges, dtype=np.float64)
+    with np.errstate(invalid="ignore"):
+        near = given < np.array([nearest[name] for name in names])
+        far = given > _reach(columns, n, stated)
+    outside = near | far
+    if not outside.any() or outside.sum() > _FEW * np.isfinite(given).sum():
+        return list(range(n))
+    parts = [
+        f"{counted(int(mask.sum()), 'range')} {words}"
+        for mask, words in ((near, "below the smallest one"), (far, "beyond the largest one"))
+        if mask.any()
+    ]
+    notes.append(f"{' and '.join(parts)} of the device were excluded.")
+    return np.flatnonzero(~outside).tolist()
+
+
+def _nearest(name: str, stated: Stated) -> float:
+    preset = sensor_presets().get(preset_of(name, stated))
+    return 0.0 if preset is None or preset.is_contact else preset.min_range
 
 
 def _note_heap(ranges: FloatArray, notes: list[str]) -> None:

@@ -149,10 +149,21 @@ class OutlierOrVariant(Finding):
 
 @dataclass(frozen=True, slots=True)
 class NoPart(Finding):
-    """No part explains the readings at all."""
+    """No part explains the readings at all.
+
+    Attributes:
+        part: name of the only part; empty if there are several.
+        missing: kinds of centres among the readings that none of the parts has.
+        present: kinds of centres that a part has.
+        freeform: whether a part has free-form faces, among which may be round ones that a mesh does not show as such.
+    """
 
     kind: ClassVar[str] = "no_part"
     role: ClassVar[Role] = "verdict"
+    part: str = ""
+    missing: tuple[str, ...] = ()
+    present: tuple[str, ...] = ()
+    freeform: bool = False
 
 
 @dataclass(frozen=True, slots=True)

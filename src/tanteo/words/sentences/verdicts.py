@@ -67,6 +67,14 @@ def _(one: f.FreeMotions) -> Words:
     return text, f"{advice[0].upper()}{advice[1:].rstrip('.')}."
 
 
+_CENTRED = {
+    "centre": ("no hole and no boss", "Its holes and bosses are of kind circle or cylinder."),
+    "sphere_centre": ("no ball and no hollow", "Its balls and hollows are of kind sphere."),
+    "apex": ("no cone", "Its cones are of kind cone."),
+}
+"""What a part without a kind of centre lacks, and the kind of rows for one that has it."""
+
+
 @words_of.register
 def _(one: f.OutlierOrVariant) -> Words:
     if not one.readings:
@@ -81,6 +89,12 @@ def _(one: f.OutlierOrVariant) -> Words:
 
 @words_of.register
 def _(one: f.NoPart) -> Words:
+    if one.missing:
+        lacks = " and ".join(_CENTRED.get(kind, (f"nothing of kind {kind}", ""))[0] for kind in one.missing)
+        text = f"{one.part} has {lacks}." if one.part else f"The parts have {lacks}."
+        there = " ".join(_CENTRED[kind][1] for kind in one.present if kind in _CENTRED)
+        mesh = " A round face of a mesh may be read as free form: use STEP." if one.freeform else ""
+        return f"{text}{f' {there}' if there else ''}", f"Check the column kind, or add the part's file.{mesh}"
     return "None of the parts explains the readings.", "Check units and standard deviations, or add the part's file."
 
 
