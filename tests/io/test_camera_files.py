@@ -472,3 +472,12 @@ def test_what_is_no_image_is_refused(tmp_path):
         write_image(tmp_path / "picture.xyz", np.zeros((40, 40)))
     with pytest.raises(InputError, match="place to write"):
         write_image(tmp_path / "none" / "picture.png", np.zeros((40, 40)))
+
+
+def test_a_long_list_of_coefficients_is_cut_in_its_message(tmp_path):
+    path = tmp_path / "camera.yaml"
+    numbers = ", ".join(["1.0"] * 2000)
+    path.write_text(f"image_size: [640, 480]\nK: [800, 0, 320, 0, 800, 240, 0, 0, 1]\nD: [{numbers}]\n")
+    with pytest.raises(InputError) as caught:
+        read_camera(path)
+    assert len(str(caught.value)) < 1000

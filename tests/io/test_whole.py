@@ -107,5 +107,13 @@ def test_an_image_larger_than_memory_is_refused(tmp_path):
     path.write_bytes(png(30_000, 30_000, 1))
     done = subprocess.run([sys.executable, "-c", READ, path], capture_output=True, text=True, check=False)
     assert "more than 64 million pixels" in done.stderr
-    path.write_bytes(png(40, 30, 30))
+    whole = png(40, 30, 30)
+    path.write_bytes(whole)
     assert read_image(path).shape == (30, 40)
+    for at in (8, whole.index(b"IDAT") - 4):  # the length of a chunk, which is allocated before it is read
+        path.write_bytes(whole[:at] + b"\x7e\xaf\x33\x10" + whole[at + 4 :])
+        with pytest.raises(InputError, match="one that breaks off: a part of 2125411088 bytes"):
+            read_image(path)
+    path.write_bytes(whole[:-20])
+    with pytest.raises(InputError, match="one that breaks off"):
+        read_image(path)

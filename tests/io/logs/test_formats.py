@@ -320,3 +320,16 @@ def test_other_files_are_named_with_what_to_export(tmp_path, content, message):
     with pytest.raises(ReadingsError) as caught:
         read_readings(save(tmp_path, content), units="mm")
     assert message in str(caught.value)
+
+
+def test_names_of_axes_in_a_table_are_no_words(tmp_path):
+    rows = "".join(f"{axis}{k},{k},20.5,30.5\n" for k in range(1, 5) for axis in "xyz")
+    readings = read_readings(save(tmp_path, "id,x_mm,y_mm,z_mm\n" + rows))
+    assert readings.ids[:3] == ("x1", "y1", "z1")
+
+
+def test_the_rest_of_a_row_with_names_is_no_number(tmp_path):
+    rows = "".join(f"A,MEAS,p{k},{k}.5,20.25,30.5,2025-03-02 10:11:1{k}\n" for k in range(4))
+    readings = read_readings(save(tmp_path, rows), units="mm")
+    assert readings.ids[0] == "A MEAS p0"
+    np.testing.assert_allclose(readings.points[3], [3.5e-3, 20.25e-3, 30.5e-3])

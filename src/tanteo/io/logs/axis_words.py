@@ -14,6 +14,7 @@ import numpy as np
 
 from tanteo.io.logs.contents import Contents
 from tanteo.io.logs.log import Log, counted, unique
+from tanteo.io.logs.table_text import find_header
 
 _VALUE = r"([-+]?) *(\d+(?:\.\d*|,\d+)?|\.\d+)(?![\d.]|[eE][-+]?\d)"
 _AXIS = r"(?:[ _-]?(?:axis|achse|act(?:ual)?|ist|meas(?:ured)?|pos(?:ition)?))?"
@@ -21,6 +22,8 @@ _WORD = re.compile(rf"(?<![A-Za-z_])([XYZIJK]){_AXIS}[ \t]*[:=]?[ \t]*{_VALUE}",
 _CODE = re.compile(r"(?<![A-Za-z])[GM]\d", re.IGNORECASE)
 _POSITION_REPORT = re.compile(r"\bE:\s*[-\d]|\bCount\b")
 _NAME = re.compile(r"\s*([A-Za-z][\w.-]{0,40}|\d{1,9})\s*[,;:]?\s+(?=[XYZ])", re.IGNORECASE)
+_ROWS = 40
+"""Number of lines in which the header of a table is searched: names such as x1 in its cells are no words."""
 _ENOUGH = 3
 """Smallest number of complete positions by which the format is recognized."""
 
@@ -32,7 +35,7 @@ def recognise(contents: Contents) -> bool:
         contents: file to test.
     """
     lines = contents.head.splitlines()
-    if any(_CODE.search(line) and _WORD.search(line) for line in lines):
+    if any(_CODE.search(line) and _WORD.search(line) for line in lines) or find_header(lines[:_ROWS], "\t;,"):
         return False
     found, _ = _positions(lines)
     return len(found) >= _ENOUGH

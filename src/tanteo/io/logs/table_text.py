@@ -104,13 +104,13 @@ def sniff(start: bytes, *, whole: bool) -> TableText | None:
     stated = _SEPARATOR.fullmatch(lines[0].lstrip("\ufeff")) if lines else None
     marks = stated[1] if stated and stated[1] in ",;\t" else "\t;, "
     rows = lines[1:] if stated else lines
-    titles, delimiter = _header(rows, marks) or (0, marks if stated else _delimiter(rows[0] if rows else ""))
+    titles, delimiter = find_header(rows, marks) or (0, marks if stated else _delimiter(rows[0] if rows else ""))
     encoding = "utf-8-sig" if encoding == "utf-8" else encoding
     commas = delimiter != "," and _has_decimal_commas(rows[titles + 1 :], delimiter)
     return TableText(encoding, delimiter, commas, titles + (stated is not None and titles > 0))
 
 
-def _header(rows: list[str], marks: str) -> tuple[int, str] | None:
+def find_header(rows: list[str], marks: str) -> tuple[int, str] | None:
     """Return the index of the header and the delimiter.
 
     The header is the first row of :data:`_LEAST` names or more, without a number, above a row of as many cells with

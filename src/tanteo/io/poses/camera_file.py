@@ -16,7 +16,7 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.io.documents.document import made, table
-from tanteo.io.documents.schema import Numbers, Place, Table, keys_of
+from tanteo.io.documents.schema import Numbers, Place, Table, keys_of, show
 from tanteo.io.poses.camera_layouts import (
     INVERSES,
     POSES,
@@ -112,7 +112,7 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
             return width, height
         if shape is None or (width, height) != (None, None):
             raise self.at.error(
-                f"expected image_width and image_height in pixels, got {width!r} and {height!r}. Add them."
+                f"expected image_width and image_height in pixels, got {show(width)} and {show(height)}. Add them."
             )
         notes.append(
             f"the camera file has no image size: it is taken as of {shape[1]} x {shape[0]} pixels, as the image."
@@ -153,7 +153,9 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
             )
         k, more = np.split(k, [max(DISTORTION_COUNTS)])
         if more.any():
-            raise self.at.error(f"expected no thin prism and no tilt (k9 to k14), got {more.tolist()}. {_RECTIFY}")
+            raise self.at.error(
+                f"expected no thin prism and no tilt (k9 to k14), got {show(more.tolist())}. {_RECTIFY}"
+            )
         return k if k.any() else np.zeros(0)
 
     def _rectified_place(self) -> Transforms | None:

@@ -328,7 +328,9 @@ def _only_camera(document: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
     """Return the table of the only camera of a Kalibr chain or of a nested file."""
     chain = {k: v for k, v in document.items() if re.fullmatch(r"cam(era)?_?\d+", str(k)) and isinstance(v, Mapping)}
     if len(chain) > 1:
-        raise InputError(f"{path}: expected one camera, got {', '.join(chain)}. Keep the one that took the image.")
+        raise InputError(
+            f"{path}: expected one camera, got {show(', '.join(chain))}. Keep the one that took the image."
+        )
     if chain:
         return next(iter(chain.values()))
     tables = [v for v in document.values() if isinstance(v, Mapping) and "data" not in v]

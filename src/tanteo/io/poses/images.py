@@ -12,6 +12,8 @@ from tanteo.parts import RECORD, read_whole
 from tanteo.replaced import replaced
 from tanteo.vision.camera import PIXELS, opencv
 
+_PNG = b"\x89PNG\r\n\x1a\n"
+
 
 def read_image(path: str | Path) -> FloatArray:
     """Read an image as grey levels from 0 to 255 ``(rows, columns)``.
@@ -32,7 +34,9 @@ def read_image(path: str | Path) -> FloatArray:
     """
     cv2 = opencv()
     path = Path(path)
-    data = np.frombuffer(read_whole(path, "an image", RECORD), dtype=np.uint8)
+    content = read_whole(path, "an image", RECORD)
+    _check_chunks(content, path)
+    data = np.frombuffer(content, dtype=np.uint8)
     # the orientation tag is ignored: the calibration refers to the stored pixels
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     try:
@@ -49,6 +53,25 @@ def read_image(path: str | Path) -> FloatArray:
         raise InputError(f"{path}: expected 8 or 16 bits a pixel, got {image.dtype}. Save it with one of these.")
     scale = 255.0 / 65535.0 if image.dtype == np.uint16 else 1.0
     return np.asarray(image, dtype=np.float64) * scale
+
+
+def _check_chunks(content: bytes, path: Path) -> None:
+    """Refuse a PNG that is shorter than the lengths of its chunks, for which OpenCV would allocate memory.
+
+    The format is that of the PNG specification (W3C), section 5.3: a signature of eight bytes, then chunks of a length,
+    a type, as many bytes, and a checksum.
+    """
+    at = len(_PNG)
+    while content.startswith(_PNG) and at + 8 <= len(content):
+        length = int.from_bytes(content[at : at + 4], "big")
+        if length > len(content) - at - 12:
+            raise InputError(
+                f"{path}: expected an image, got one that breaks off: a part of {length} bytes in a "
+                f"file of {len(content)}. Copy or save it again."
+            )
+        if content[at + 4 : at + 8] == b"IEND":
+            return
+        at += 12 + length
 
 
 def write_image(path: str | Path, picture: np.ndarray) -> None:
