@@ -33,7 +33,7 @@ class Posterior:
         modes: modes, best first.
         unknown: probability of the unknown object.
         log_evidence: log-evidence of the measurements over all parts and the unknown object.
-        missing: probability of all maxima that only one source found, the Good-Turing estimate of the missed maxima.
+        missing: probability of missed maxima, estimated from those that only one source found (Good and Turing).
             The modes share what it leaves of their probability.
         searches: searches of the parts.
         log_priors: log of the prior probability of the searched parts ``(P,)``.

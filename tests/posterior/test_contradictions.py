@@ -1,0 +1,93 @@
+"""Readings that contradict a part, planes of outliers, touches in one region, and parts that rest on a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tanteo
+from bare_scenes import box_centred_pose, surface_points
+from tanteo.geometry import SE3
+from tanteo.posterior import PosePrior, Priors, prepare
+from tanteo.posterior import Table as Plane
+
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
+SD = 1e-4
+
+
+@pytest.fixture(scope="module")
+def block():
+    return prepare(tanteo.read_part(PARTS / "bracket_left.step"))
+
+
+def touches(points, directions):
+    return tanteo.Readings.from_columns(points, directions=directions, sds=np.full(len(points), SD))
+
+
+def scene(target, n, seed):
+    rng = np.random.default_rng(seed)
+    T = box_centred_pose(rng)
+    p, normals = surface_points(target, n, rng)
+    return T, SE3.apply(T, p) + SD * rng.normal(size=p.shape), -normals @ T[:3, :3].T
+
+
+def test_a_reading_that_contradicts_is_repeated_first(block):
+    T, points, directions = scene(block, 14, 5)
+    local = SE3.apply(SE3.inverse(T), points)
+    alone = [k for k in range(14) if np.sort(np.linalg.norm(local - local[k], axis=1))[1] > 0.02]
+    k = alone[0]
+    again = points[k] + SD * np.array([0.5, -0.5, 0.5])
+    points[k] -= 2.5e-3 * directions[k]
+    doubted = tanteo.locate(touches(points, directions), block.part)
+    assert doubted.status == "ambiguous"
+    assert doubted.findings[0].kind == "outlier_or_variant"
+    assert f"Touch near reading {k + 1} again." in doubted.message
+    both = touches(np.r_[points, again[None]], np.r_[directions, directions[k : k + 1]])
+    assert tanteo.locate(both, block.part).status == "recognized"
+
+
+def test_outliers_on_a_plane_that_the_part_touches_are_named(block):
+    T, points, directions = scene(block, 20, 2)
+    low = SE3.apply(T, block.part.vertices)
+    down = np.array([0.0, 0.0, -1.0])
+    table = np.c_[T[:2, 3] + 0.12 * np.array([[1, 1], [-1, 1], [0.5, -1], [1, -1]]), np.full(4, low[:, 2].min())]
+    answer = tanteo.locate(touches(np.r_[points, table], np.r_[directions, np.tile(down, (4, 1))]), block.part)
+    (found,) = [one for one in answer.findings if one.kind == "plane_of_outliers"]
+    assert set(found.readings) == {"21", "22", "23", "24"}
+    beside = table + np.c_[np.zeros((4, 2)), [0.02, 0, -0.03, 0.05]]
+    answer = tanteo.locate(touches(np.r_[points, beside], np.r_[directions, np.tile(down, (4, 1))]), block.part)
+    assert not any(one.kind == "plane_of_outliers" for one in answer.findings)
+
+
+def test_a_part_on_a_table_prefers_its_stable_poses(block):
+    from tanteo.catalogue import known_stable_poses
+
+    T = known_stable_poses(block.part)[0].T_table_part
+    rng = np.random.default_rng(1)
+    p, _ = surface_points(block, 7, rng)
+    readings = touches(SE3.apply(T, p), None)
+    sure = {}
+    for leaning in (0.05, 1.0):
+        table = Plane(np.zeros(3), np.array([0.0, 0.0, 1.0]), 5e-4, leaning)
+        answer = tanteo.locate(readings, block.part, priors=Priors(pose=PosePrior(table=table)))
+        ups = [h.T_world_part[:3, :3].T[:, 2] for h in answer.hypotheses]
+        rests = [one.T_table_part[2, :3] for one in known_stable_poses(block.part)]
+        stands = [max(up @ rest for rest in rests) > np.cos(0.03) for up in ups]
+        sure[leaning] = sum(h.probability for h, ok in zip(answer.hypotheses, stands, strict=True) if ok)
+    assert sure[0.05] > sure[1.0]
+
+
+def test_touches_of_one_corner_leave_the_larger_part():
+    parts = [tanteo.read_part(PARTS / f"{name}.step") for name in ("block", "step_12mm", "wedge")]
+    block = prepare(parts[0])
+    rng = np.random.default_rng(2)
+    p, _ = surface_points(block, 4000, rng)
+    near = p[np.linalg.norm(p - block.part.vertices[0], axis=1) < 0.025][:16]
+    T = box_centred_pose(rng)
+    readings = touches(SE3.apply(T, near) + SD * rng.normal(size=near.shape), None)
+    answer = tanteo.identify(readings, parts)
+    assert dict(answer.parts).get("block", 0.0) > 0.01
+    total = sum(P for _, P in answer.parts) + answer.unknown_probability + answer.missed_probability
+    assert total == pytest.approx(1, abs=1e-6)
