@@ -66,3 +66,12 @@ def test_with_the_delay_the_part_is_found(recorded, capsys):
     assert "bracket_left at x 420.0" in out or "bracket_left at x 419.9" in out
     assert "readings are 15." in err or "readings are 14." in err
     assert "say --latency" not in err
+
+
+def test_every_output_names_the_frame_of_the_pose(recorded, capsys):
+    _, out, _ = identified(recorded, capsys, "--latency", "15ms", "--as", "ros")
+    assert "frame_id: base\n" in out
+    assert "stamp: {sec: 0," not in out
+    _, out, err = identified(recorded, capsys, "--latency", "15ms", "--as", "ur", "--json")
+    assert '"frame": "base"' in out
+    assert "the pose is in the frame 'base'" in out + err
