@@ -103,7 +103,7 @@ def probe(options: Options, machine: MachineOptions) -> None:
     if options.report is not None:
         facts = [("Machine", safe.facts.name), ("Reason for the end", done.end.message)]
         files.report_session(options.report, session, *facts, as_json=options.json)
-    leave(decided=answer.status == "recognized" and done.end.reached and not machine.dry_run)
+    leave(decided=done.end.reached and (machine.dry_run or answer.status == "recognized"))
 
 
 def _check_frame(words: controller.Words, options: Options, machine: MachineOptions) -> None:
@@ -244,8 +244,12 @@ def _print(
     """Print the answer as text or JSON; return the lines for the controller if they were printed."""
     answer = session.answer()
     if safe.dry_run:
-        moves = len(done.turns)
-        print_text(f"Dry run: {moves} touches, all within the limits; nothing was sent. {done.end.message}", sys.stderr)
+        moves = sum(turn.step is not None for turn in done.turns)
+        others = len(done.turns) - moves
+        refused = f"; {others} others were refused by the limits" if others else ""
+        print_text(
+            f"Dry run: {moves} touches within the limits{refused}; nothing was sent. {done.end.message}", sys.stderr
+        )
         return ""
     if options.json:
         sensing = {

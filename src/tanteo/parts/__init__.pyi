@@ -1,6 +1,7 @@
 from . import faces as faces
 from . import readers as readers
 from . import shapes as shapes
+from . import symmetry as symmetry
 from .faces.rounds import Rim as Rim
 from .faces.rounds import round_features as round_features
 from .named_features import NamedFace as NamedFace

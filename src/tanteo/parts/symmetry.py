@@ -324,3 +324,31 @@ def _refined(part: Part, R: FloatArray) -> FloatArray:
 def _ordered(rotations: list[FloatArray]) -> list[FloatArray]:
     """Return the rotations with the identity first, then by angle."""
     return sorted(rotations, key=lambda R: -round(float(np.trace(R)), 6))
+
+
+_NODES = np.array([[1 / 3, 1 / 3, 1 / 3], [0.6, 0.2, 0.2], [0.2, 0.6, 0.2], [0.2, 0.2, 0.6]])
+_SHARES = np.array([-27.0, 25.0, 25.0, 25.0]) / 48
+"""Definition: barycentric nodes and weights that integrate cubic polynomials over a triangle (Strang and Fix 1973)."""
+
+
+def chirality(part: Part) -> float:
+    """Return a number between -1 and 1 that changes its sign with the handedness of a part.
+
+    With the vector u, the integral of |x|^2 x over the surface about its centroid, and the second moments M, it is the
+    volume of the directions of u, M u and M^2 u. Rotations do not change it. It is 0 for a part that is its own mirror
+    image, and for some others.
+
+    Args:
+        part: the part.
+    """
+    corners = part.vertices[part.triangles]
+    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    w = (areas[:, None] * _SHARES).ravel() / areas.sum()
+    x = np.einsum("nk,tki->tni", _NODES, corners).reshape(-1, 3)
+    x = (x - w @ x) / part.diagonal
+    u, M = (w * np.sum(x * x, axis=1)) @ x, (x.T * w) @ x
+    vectors = np.array([u, M @ u, M @ M @ u])
+    lengths = np.linalg.norm(vectors, axis=1)
+    if lengths[0] < TOLERANCE:
+        return 0.0
+    return float(np.linalg.det(vectors / lengths[:, None]))

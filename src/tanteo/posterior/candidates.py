@@ -12,9 +12,13 @@ from tanteo.catalogue import Catalogue, tables_of
 from tanteo.catalogue.signatures import coarse_field, field_table, signature
 from tanteo.geometry.typing import FloatArray, IntArray, Vectors
 from tanteo.parts import StoredParts, as_parts
+from tanteo.parts.symmetry import chirality
 from tanteo.posterior.answers.whole_object import WholeObject
 from tanteo.posterior.prepared import PreparedPart, prepare
 from tanteo.posterior.settings import PruningSettings
+
+_CHIRAL = 1e-5
+"""Numerical: chirality above which it is no rounding error of a part that is its own mirror image."""
 
 
 class Candidates:
@@ -83,11 +87,19 @@ class Candidates:
         """Return the log odds of some parts by name, from those of all parts."""
         return {self.name(int(row)): float(odds[row]) for row in rows}
 
-    def names_of_same_shape(self, part: Any) -> list[str]:
-        """Return the names of the parts with the same area and volume as a part, up to single precision."""
+    def names_of_same_shape(self, part: Any) -> tuple[list[str], list[str]]:
+        """Return the names of the parts with the shape of a part, and of its mirror images.
+
+        The shape is the same if area and volume are, up to single precision.
+        """
         rounding = float(np.finfo(np.float32).resolution)
         same = np.isclose(self._numbers[:, :2], (part.area, part.volume), rtol=rounding, atol=0).all(axis=1)
-        return [self.name(int(row)) for row in np.flatnonzero(same)]
+        names: tuple[list[str], list[str]] = ([], [])
+        own = chirality(part)
+        for row in map(int, np.flatnonzero(same)):
+            other = chirality(self.prepared(row).part) if abs(own) > _CHIRAL else 0.0
+            names[own * other < -(_CHIRAL**2)].append(self.name(row))
+        return names
 
     def similar(self, prepared: PreparedPart, rows: IntArray, settings: PruningSettings) -> list[int]:
         """Return the rows of parts with nearly the box, centroid, area and volume of a part, nearest first.

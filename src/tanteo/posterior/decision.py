@@ -79,6 +79,7 @@ def verdict_of(
     """
     posterior, found, hypotheses, check = outcome.posterior, outcome.found, outcome.hypotheses, outcome.check
     unknown, priors = posterior.unknown, posterior.problem.priors
+    same, mirrored = outcome.candidates.names_of_same_shape(found[0].mode.prepared.part) if found else ([], [])
     status, finding = verdict(
         hypotheses,
         unknown,
@@ -88,7 +89,8 @@ def verdict_of(
         prior_p=check.p,
         elsewhere=check.elsewhere,
         missed=posterior.missing * (1 - unknown),
-        same=outcome.candidates.names_of_same_shape(found[0].mode.prepared.part) if found else (),
+        same=same,
+        mirrored=mirrored,
     )
     findings: tuple[Finding, ...] = (finding,)
     if status == "unknown" and not check.elsewhere:

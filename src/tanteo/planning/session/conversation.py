@@ -294,7 +294,8 @@ class Session(Value):
 
     def _stuck(self) -> Stuck | None:
         """Return the finding that a sensor reports a constant range, or None."""
-        return find_stuck(self.readings) if self.readings is not None else None
+        touches = self.probe.contact  # their ranges are lengths of travel, often equal
+        return find_stuck(self.readings) if self.readings is not None and not touches else None
 
     def _open(self, candidates: Candidates) -> Candidates:
         """Return the candidates that are feasible and not similar to a refused action."""

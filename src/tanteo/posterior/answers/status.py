@@ -52,6 +52,7 @@ def verdict(
     known: bool = False,
     same: Collection[str] | None = None,
     missed: float = 0.0,
+    mirrored: Collection[str] = (),
 ) -> tuple[Status, Finding]:
     """Return the status of an answer and the finding that states its reason.
 
@@ -69,6 +70,7 @@ def verdict(
         known: whether the part is certain enough if all of its poses count together.
         same: names of the parts with the shape of the best one; None if all parts that fit equally count as such.
         missed: probability of poses of the parts that the search missed.
+        mirrored: names of the parts that are mirror images of the best one.
     """
     doubted = prior_p < SUSPECT or (
         hypotheses and hypotheses[0].p_value < significance and prior_p < significance and worst is None
@@ -91,7 +93,7 @@ def verdict(
     if best.unobserved:
         return "insufficient", FreeMotions(best.part, best.unobserved, best.advice)
     if best.probability < least:
-        return "ambiguous", _ambiguous(hypotheses, unknown, shares, same)
+        return "ambiguous", _ambiguous(hypotheses, unknown, shares, same, mirrored)
     sure, others = doubt(best, unknown, shares or [(h.part, h.probability) for h in hypotheses])
     return "recognized", Located(best.part, sure, best.corner_sd, others)
 
@@ -126,6 +128,7 @@ def _ambiguous(
     unknown: float,
     shares: Sequence[tuple[str, float]],
     same_shape: Collection[str] | None,
+    mirrored: Collection[str],
 ) -> Finding:
     best, *others = hypotheses
     tolerance = _SAME_FIT if same_shape is None else _SAME_PROBABILITY
@@ -144,7 +147,9 @@ def _ambiguous(
     names = list(dict.fromkeys([best.part, *(name for name, P in shares if P > _LISTED)]))
     if len(names) > 1:
         kept = len(names) if len(names) <= _NAMED else _NAMED - 1
-        return SeveralParts(tuple(names[:kept]), len(names) - kept, equivalent[0].part if equivalent else "")
+        equal = equivalent[0].part if equivalent else ""
+        mirror = next((name for name in names[1:] if name in mirrored), "")
+        return SeveralParts(tuple(names[:kept]), len(names) - kept, equal, mirror)
     if unknown > _LISTED and best.probability + unknown > 1 - _LISTED:
         return MayBeUnknown(best.part, unknown)
     poses = sum(h.probability > _LISTED for h in hypotheses)

@@ -76,6 +76,7 @@ class SeveralParts(Finding):
         parts: their names, most probable first.
         more: number of further parts.
         equal: a part that fits exactly like the first one; empty if none does.
+        mirror: a part among them that is the mirror image of the first one; empty if none is.
     """
 
     kind: ClassVar[str] = "several_parts"
@@ -83,6 +84,7 @@ class SeveralParts(Finding):
     parts: tuple[str, ...]
     more: int = 0
     equal: str = ""
+    mirror: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,6 +46,8 @@ def _(one: f.SeveralParts) -> Words:
     text = f"It may be {listed(names, 'or')}."
     if one.equal:
         text += f" {names[0]} and {one.equal} have the same shape: if they are one part, remove one of them."
+    if one.mirror:
+        text += f" {names[0]} and {one.mirror} are mirror images of each other, and the readings fit both."
     return text, "Sense a face where they differ."
 
 
