@@ -5,10 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+import tanteo
+from tanteo.geometry import SO3
+from tanteo.io import read_readings
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 BRACKET = str(PARTS / "bracket_left.step")
@@ -184,3 +189,60 @@ def test_a_feature_that_is_not_there_is_misuse(run, feature, message):
     got = run("plan", "--part", BRACKET, "--goal", "0.5mm", "--sd", "0.1mm", "--feature", feature)
     assert got.code == 2
     assert message in got.err
+
+
+def touches_of(script):
+    """Return start and stop of every touch of a URScript program, as positions and rotation vectors ``(n, 2, 6)``."""
+    rows = [line for line in script.splitlines() if line.startswith('  touch("')]
+    return np.array([[[float(v) for v in pose.split(",")] for pose in re.findall(r"p\[([^]]*)\]", r)] for r in rows])
+
+
+def test_a_robot_program_keeps_to_tool_table_and_time(run):
+    got = run(
+        "plan", "--part", BRACKET, "--goal", "0.5mm", "--sd", "0.05mm", "--tip-radius", "1.5mm", "--program", "ur",
+        "--table", "0+-0.1mm", "--tool-tilt", "30deg", "--tool-body", "50,30,150mm",
+        "--pose-prior", "400,100,0mm 0,0,20deg +- 2mm 1deg",
+    )  # fmt: skip
+    assert got.code == 0, got.err
+    seconds, slowest = map(float, re.search(r"about (\d+) s, (\d+) s for the slowest", got.err).groups())
+    found = touches_of(got.out)
+    assert slowest < 25
+    assert seconds <= slowest * len(found)
+    tool = SO3.exp(found[:, 0, 3:])[:, :, 2]
+    assert (-tool[:, 2] >= np.cos(np.radians(30.1))).all()
+    flange = found[:, 1, :3] - 0.08 * tool  # the first sphere of the tool behind the stylus
+    assert (flange[:, 2] > 0.03).all()
+    assert (np.linalg.norm(found[:, 1, :3] - found[:, 0, :3], axis=1) < 0.04).all()  # the slow part
+
+
+def test_a_log_of_a_robot_program_has_the_pose_of_the_tool(run, tmp_path):
+    script = run(
+        "plan", "--part", BRACKET, "--goal", "0.5mm", "--sd", "0.05mm", "--tip-radius", "1.5mm", "--program", "ur"
+    ).out
+    columns = re.search(r'textmsg\("(id,.*)"\)', script)[1]
+    rows = [line for line in script.splitlines() if line.startswith('  touch("')]
+    log = tmp_path / "log.csv"
+    lines = [columns]
+    for k, (row, (start, stop)) in enumerate(zip(rows, touches_of(script), strict=True)):
+        here = [*(0.5 * (start[:3] + stop[:3])), *stop[3:]]
+        facts = re.findall(r'"([^"]*)"\)', row)[0]
+        lines.append(f"{k},{','.join(f'{v:.6f}' for v in here[:3])},{','.join(f'{v:.6f}' for v in here)},{facts}")
+    log.write_text("\n".join(lines) + "\n")
+    readings = read_readings(log)
+    assert readings.Ts_world_hand.given.all()
+    measured = tanteo.sensors.measure(readings, sd=1e-4, tip_sd=[1e-3, 1e-3, 1e-3])
+    assert [error.name for error in measured.shared] == ["tip offset"]
+
+
+def test_the_error_of_the_form_needs_more_touches(run):
+    words = ("plan", "--part", BRACKET, "--goal", "0.8mm", "--sd", "0.05mm", "--json")
+    plain = json.loads(run(*words).out)
+    cast = json.loads(run(*words, "--form-sd", "cast").out)
+    assert len(cast["readings"]) > len(plain["readings"])
+
+
+def test_a_mill_approaches_along_its_axes(run):
+    got = run("plan", "--part", BRACKET, "--goal", "0.8mm", "--sd", "0.05mm", "--axis-parallel", "--json")
+    directions = np.array([r["direction"] for r in json.loads(got.out)["readings"]])
+    assert np.allclose(np.abs(directions).max(axis=1), 1.0)
+    assert (directions[:, 2] <= 1e-9).all()

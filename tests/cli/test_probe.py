@@ -170,3 +170,10 @@ def test_a_robot_needs_the_size_of_its_tool(run):
     typed = ("--tip-radius", "1mm", "--workspace", "0,0,0,1,1,1m")
     assert "--tool-body: expected" in probe(run, "ur://127.0.0.1", *typed).err
     assert "--tool-body: expected" in probe(run, "ur://127.0.0.1", *typed, "--tool-body", "1,2mm").err
+
+
+def test_a_dry_run_that_passes_exits_with_zero(run):
+    got = run("probe", "--machine", "fake:grbl", "--part", BLOCK, "--goal", "0.4mm", "--dry-run")
+    assert got.code == 0, got.err
+    assert "within the limits" in got.err
+    assert "stuck" not in got.err

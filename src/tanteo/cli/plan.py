@@ -91,7 +91,12 @@ class Options:
         beam = self.sensor is not None and not sensor_preset(self.sensor).is_contact
         where = program.of_probe(beam=beam, turned=reach.tool_tilt != 0)
         where |= reach.where(
-            self.table, self.furniture, self.units, ball=program.tip_radius or 0.0, above=program.program is not None
+            self.table,
+            self.furniture,
+            self.units,
+            ball=program.tip_radius or 0.0,
+            above=program.program is not None,
+            upright="stylus" in where,
         )
         where["form_sd"] = self.form_sd
         probe = probe_of(self.sensor or self.sd or 0.0, self.robot, **where)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +11,7 @@ from tanteo import io
 from tanteo.cli import arguments as args
 from tanteo.cli import typed
 from tanteo.cli.misuse import MisuseError, misuse
-from tanteo.cli.printing import complain
+from tanteo.cli.printing import complain, print_text
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -143,4 +144,9 @@ class ProgramOptions:
         with misuse():
             more = self.overtravel, self.retract_height
             job = job_of(found, part, probe, covariance, self.feed or _FEED, *more)
+            print_text(
+                f"The program takes about {sum(job.seconds):.0f} s, {max(job.seconds):.0f} s for the slowest of "
+                f"{len(job.touches)} touches.",
+                sys.stderr,
+            )
             return write_program(self.program, job)

@@ -57,7 +57,14 @@ class ReachOptions:
         return Workspace(low, high, tuple(self.forbid or ()))
 
     def where(
-        self, table: Table | None, furniture: Sequence[str] | None, units: str | None, *, ball: float, above: bool
+        self,
+        table: Table | None,
+        furniture: Sequence[str] | None,
+        units: str | None,
+        *,
+        ball: float,
+        above: bool,
+        upright: bool = False,
     ) -> dict[str, Any]:
         """Return the fields of :class:`tanteo.Probe` that these options state.
 
@@ -67,6 +74,7 @@ class ReachOptions:
             units: value of ``--units``; None if not given.
             ball: radius of the probe's ball [m].
             above: whether the probe approaches from above or the side, unless ``--approach`` is given.
+            upright: whether the stylus always points down, as that of a milling machine.
         """
         from tanteo.machines import tool_body
 
@@ -80,7 +88,7 @@ class ReachOptions:
             stated |= dict(zip(("approach", "cone"), self.approach, strict=True))
         elif above or table is not None or self.axis_parallel:
             stated |= {"approach": _DOWN, "cone": math.pi / 2}
-        if self.tool_tilt == 0:
+        if self.tool_tilt == 0 or upright:
             stated |= {"stylus": _UP}
         elif self.tool_tilt is not None or self.tool_body is not None:
             stated |= {"stylus_along_motion": True, "tilt": math.pi if self.tool_tilt is None else self.tool_tilt}
@@ -119,7 +127,7 @@ def probe_for(
     directions = measured.directions[np.isfinite(measured.directions).all(axis=1)]
     above = len(directions) > 0 and bool((directions[:, 2] <= _UPWARD).all())
     table = known.table if known is not None else None
-    where |= reach.where(table, options.furniture, options.units, ball=ball, above=above)
+    where |= reach.where(table, options.furniture, options.units, ball=ball, above=above, upright="stylus" in where)
     where["form_sd"] = options.form_sd
     sd = options.sd
     if options.sensor is None and sd is None:

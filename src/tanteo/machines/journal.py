@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import InputError
+from tanteo.geometry import SE3
+from tanteo.machines.programs.job import tool_axes
 from tanteo.machines.protocol import Sensed
 from tanteo.parts import RECORD, read_whole
 from tanteo.planning import Action, Session
@@ -93,15 +95,20 @@ def _row(raw: dict[str, Any]) -> tuple[int, Sensed]:
     return int(raw["question"]), Sensed(start, direction, distance, reach)
 
 
-def reading_of(action: Action, sensed: Sensed) -> Readings:
+def reading_of(action: Action, sensed: Sensed, session: Session) -> Readings:
     """Return the reading that answers a question, along the motion that was made rather than the requested one.
 
     Args:
         action: question.
         sensed: result of the motion.
+        session: session of the question; if its tip has an error, the reading has the pose of the tool.
     """
     made = replace(action, origin=sensed.start, direction=sensed.direction, max_range=sensed.reach)
-    return made.read(sensed.distance)
+    if session.sensing.tip_sd is None:
+        return made.read(sensed.distance)
+    way = sensed.distance if sensed.hit else sensed.reach
+    axes = tool_axes(-session.probe.holders(sensed.direction[None])[0])
+    return made.read(sensed.distance, T_world_hand=SE3.from_parts(axes, sensed.start + way * sensed.direction))
 
 
 def take_up_rows(session: Session, rows: Sequence[tuple[int, Sensed]]) -> int:
@@ -116,6 +123,6 @@ def take_up_rows(session: Session, rows: Sequence[tuple[int, Sensed]]) -> int:
     for number, sensed in rows:
         if number in before or question is None or number != question.number:
             continue
-        session.tell(reading_of(question, sensed), question)
+        session.tell(reading_of(question, sensed, session), question)
         count += 1
     return count

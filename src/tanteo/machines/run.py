@@ -147,7 +147,7 @@ class _Run:
             self.missed = self.missed or self.contacts.missed(self.session, sensed)
             if self.missed:
                 self.machine.forbid(self.missed)
-        step = self.session.tell(reading_of(action, sensed), action)
+        step = self.session.tell(reading_of(action, sensed, self.session), action)
         if not sensed.hit or not step.ids:  # the session would choose the same question again without a refusal
             self.session.refuse(action)
         self._save()

@@ -29,11 +29,13 @@ class Ways:
 
     Attributes:
         job: safe height, depth, and cylinder that contains the part and all starts at any prior pose.
-        turns: whether the tool points along each reading; otherwise it points down.
+        turns: whether the tool points along each reading, as far as its tilt permits; otherwise it points down.
+        probe: sensor that takes the readings.
     """
 
     job: Job
     turns: bool
+    probe: Probe
 
     @classmethod
     def from_start(cls, start: Start, probe: Probe, *, turns: bool) -> Ways:
@@ -57,7 +59,7 @@ class Ways:
         wide = float(np.linalg.norm(all_[:, :2] - centre[:2], axis=1).max()) + clearance
         heights = float(all_[:, 2].max()) + clearance, float(all_[:, 2].min()) - clearance
         name = start.targets[int(start.part[0])].part.name
-        return cls(Job(name, "", (), probe.radius, 0.0, *heights, centre, wide), turns)
+        return cls(Job(name, "", (), probe.radius, 0.0, *heights, centre, wide), turns, probe)
 
     def touch(self, action: Action) -> Touch:
         """Return the guarded motion that answers a question.
@@ -67,7 +69,8 @@ class Ways:
         """
         d, contact = action.direction, action.origin + action.expected * action.direction
         outer = leaves(action.origin, -d, self.job)
-        return Touch(action.number, action.face, action.origin, d, contact, contact, outer, tool_axes(d))
+        tool = tool_axes(-self.probe.holders(d[None])[0])
+        return Touch(action.number, action.face, action.origin, d, contact, contact, outer, tool)
 
     def to(self, action: Action, before: Action | None, here: np.ndarray) -> list[Transforms]:
         """Return the poses of a path from the probe's position to the start of a reading, with straight segments.

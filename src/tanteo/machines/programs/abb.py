@@ -19,7 +19,7 @@ def abb(job: Job) -> str:
     log = ["log: HOME:/tanteo_touches.csv, a readings file", "set tProbe and diProbe to those of the cell"]
     lines = ["MODULE TanteoProbe", *(f"  ! {text}" for text in robot_header(job, log)), *_RAPID_DATA.splitlines()]
     lines += ["  PROC TanteoProbe()", '    Open "HOME:"\\File:="tanteo_touches.csv",log\\Write;']
-    lines += [f'    Write log,"{COLUMNS}";', "    ConfL\\Off;"]
+    lines += [f'    Write log,"{COLUMNS},"\\NoNewLine;', f'    Write log,"{_HAND}";', "    ConfL\\Off;"]
     for touch, way in ways(job):
         lines.append(f"    ! touch {touch.number}: {touch.face}")
         lines += [f"    MoveL {_robtarget(place, tool)},v100,fine,tProbe\\WObj:=wobj0;" for place, tool in way]
@@ -35,6 +35,9 @@ def _robtarget(place: Vectors, tool: Rotations) -> str:
     return f"[{pose},[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
 
 
+_HAND = "hand_x_mm,hand_y_mm,hand_z_mm,hand_q1,hand_q2,hand_q3,hand_q4"
+"""Columns of the pose of the tool; RAPID's strings have at most 80 characters."""
+
 _RAPID_DATA = """  PERS tooldata tProbe := [TRUE,[[0,0,100],[1,0,0,0]],[1,[0,0,50],[1,0,0,0],0,0,0]];
   VAR iodev log;
   VAR robtarget found;
@@ -46,7 +49,11 @@ _RAPID_TOUCH = """  PROC Touch(string number,robtarget start,robtarget stop,stri
     MoveL start,v50,fine,tProbe\\WObj:=wobj0;
     SearchL\\Stop,diProbe,found,stop,slow,tProbe\\WObj:=wobj0;
     row := number + "," + NumToStr(found.trans.x,4) + "," + NumToStr(found.trans.y,4);
-    Write log,row + "," + NumToStr(found.trans.z,4) + "," + facts;
+    Write log,row + "," + NumToStr(found.trans.z,4) + "," + facts + ","\\NoNewLine;
+    row := NumToStr(found.trans.x,4) + "," + NumToStr(found.trans.y,4) + "," + NumToStr(found.trans.z,4);
+    Write log,row + ","\\NoNewLine;
+    row := NumToStr(found.rot.q1,6) + "," + NumToStr(found.rot.q2,6) + "," + NumToStr(found.rot.q3,6);
+    Write log,row + "," + NumToStr(found.rot.q4,6);
     MoveL start,v50,fine,tProbe\\WObj:=wobj0;
   ERROR
     IF ERRNO=ERR_WHLSEARCH OR ERRNO=ERR_SIGSUPSEARCH THEN

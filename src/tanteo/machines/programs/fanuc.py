@@ -8,8 +8,8 @@ from __future__ import annotations
 import textwrap
 
 from tanteo.geometry.typing import Rotations, Vectors
-from tanteo.machines.programs.job import Job
-from tanteo.machines.programs.robot import TRAVEL, pose_text, robot_header, ways
+from tanteo.machines.programs.job import TRAVEL, Job
+from tanteo.machines.programs.robot import pose_text, robot_header, ways
 
 
 def fanuc(job: Job) -> str:

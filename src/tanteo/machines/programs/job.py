@@ -26,11 +26,17 @@ if TYPE_CHECKING:
 _SDS, _LEAST_OVERTRAVEL = 3.0, 2e-3
 """Default overtravel: standard deviations of the surface position, and the smallest distance [m]."""
 
+_STEPS = 100
+"""Numerical: places on the line to a contact at which the distance from the part is computed."""
+
 _NEAR = 1e-7
 """Distance below which two positions are equal [m]."""
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 """Axes of a tool that points down ``(3, 3)``."""
+
+TRAVEL, APPROACH = 0.1, 0.05
+"""Speeds between touches, and on the line from the outer point to the start of a touch [m/s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +51,7 @@ class Touch:
         contact: expected position at contact ``(3,)``.
         stop: position at which the search ends without contact ``(3,)``.
         outer: point outside of the cylinder around the part, on the straight line back from the start ``(3,)``.
-        tool: axes of a robot's tool ``(3, 3)``, its z along the motion.
+        tool: axes of a robot's tool ``(3, 3)``, its z along the stylus.
     """
 
     number: int
@@ -83,6 +89,20 @@ class Job:
     lowest: float
     centre: Vectors
     outer_radius: float
+
+    @property
+    def seconds(self) -> tuple[float, ...]:
+        """Approximate durations of the touches with their travel ``(n,)`` [s], until the expected contact."""
+        found, before = [], None
+        for touch in self.touches:
+            way = first_way(self, touch) if before is None else transfer(self, before, touch)
+            places = np.array([place for place, _ in way])
+            travel = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+            lines = np.linalg.norm(touch.outer - touch.start) + np.linalg.norm(touch.contact - touch.start)
+            guarded = float(np.linalg.norm(touch.contact - touch.start))
+            found.append(travel / TRAVEL + float(lines) / APPROACH + guarded / self.feed + float(lines) / TRAVEL)
+            before = touch
+        return tuple(found)
 
 
 def job_of(
@@ -123,8 +143,11 @@ def job_of(
         way = _way_to_contact(surface, T, r.origin, r.direction, probe.radius)
         beyond = overtravel if overtravel is not None else _beyond(T, covariance, r.point, r.direction)
         contact = r.origin + way * r.direction
-        places = r.origin, r.direction, contact, contact + beyond * r.direction
-        touches.append(Touch(number, r.face, *places, leaves(r.origin, -r.direction, job), tool_axes(r.direction)))
+        fast = _fast(surface, T, r.origin, r.direction, way, max(probe.clearance, beyond) + probe.radius)
+        start = r.origin + fast * r.direction
+        places = start, r.direction, contact, contact + beyond * r.direction
+        tool = tool_axes(-probe.holders(r.direction[None])[0])
+        touches.append(Touch(number, r.face, *places, leaves(start, -r.direction, job), tool))
     return replace(job, touches=tuple(touches))
 
 
@@ -191,6 +214,17 @@ def _way_to_contact(surface: Surface, T: Transforms, origin: Vectors, direction:
             "--program: expected touches that reach the part, got one that misses it. Plan with a larger sd."
         )
     return way
+
+
+def _fast(surface: Surface, T: Transforms, origin: Vectors, direction: Vectors, way: float, clearance: float) -> float:
+    """Return how far the ball's centre moves towards a contact with a clearance from the whole part [m].
+
+    It moves fast there, and only the rest is a slow guarded motion.
+    """
+    ways = np.linspace(0.0, max(way - clearance, 0.0), _STEPS)
+    gaps = surface.closest(SE3.apply(SE3.inverse(T), origin + ways[:, None] * direction)).distances
+    near = np.flatnonzero(gaps < clearance)
+    return float(ways[max(int(near[0]) - 1, 0)] if len(near) else ways[-1])
 
 
 def _beyond(T: Transforms, covariance: Covariances, point: Vectors, direction: Vectors) -> float:

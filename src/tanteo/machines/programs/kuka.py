@@ -7,8 +7,8 @@ reference). The program has not been run on a controller.
 from __future__ import annotations
 
 from tanteo.geometry.typing import Rotations, Vectors
-from tanteo.machines.programs.job import Job
-from tanteo.machines.programs.robot import TRAVEL, pose_text, robot_header, ways
+from tanteo.machines.programs.job import TRAVEL, Job
+from tanteo.machines.programs.robot import pose_text, robot_header, ways
 
 
 def kuka(job: Job) -> str:

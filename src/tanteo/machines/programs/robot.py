@@ -17,9 +17,6 @@ from tanteo.machines.programs.job import Job, Touch, first_way, transfer
 COLUMNS = "id,x_mm,y_mm,z_mm,radius_mm,dx,dy,dz"
 """Columns of the readings file that the log becomes."""
 
-TRAVEL = 0.1
-"""Speed between touches [m/s]."""
-
 
 def robot_header(job: Job, log: list[str]) -> list[str]:
     """Return the header lines that the operator must read before the program runs.
@@ -31,6 +28,7 @@ def robot_header(job: Job, log: list[str]) -> list[str]:
     return [
         f"tanteo plan: {len(job.touches)} touches of {job.part}",
         job.message,
+        f"time: about {sum(job.seconds):.0f} s, {max(job.seconds):.0f} s for the slowest touch",
         "frame: world of the plan = the robot's base; tool: TCP at the centre of the ball, z along the stylus,",
         f"away from the flange; ball radius {1e3 * job.radius:g} mm; probe on digital input 1 (UR: 0), high at contact",
         "before it starts: a free straight way from where the robot is to the first point.",

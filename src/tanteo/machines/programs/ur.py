@@ -5,8 +5,8 @@ Sources: ``to_str``, ``textmsg`` and threads (Script Manual e-Series, 14.1), and
 
 from __future__ import annotations
 
-from tanteo.machines.programs.job import Job
-from tanteo.machines.programs.robot import COLUMNS, TRAVEL, facts, pose_text, robot_header, ways
+from tanteo.machines.programs.job import APPROACH, TRAVEL, Job
+from tanteo.machines.programs.robot import COLUMNS, facts, pose_text, robot_header, ways
 
 
 def ur(job: Job) -> str:
@@ -18,9 +18,9 @@ def ur(job: Job) -> str:
     log = [
         "log: lines of a readings file (CSV) in the log of PolyScope (textmsg): copy those that begin with a number,"
     ]
-    log += [f"and the line of columns above them: {COLUMNS.replace('_mm', '_m', 3)}"]
-    lines = [f"# {text}" for text in robot_header(job, log)] + _UR.format(feed=job.feed).splitlines()
-    lines += [f'  textmsg("{COLUMNS.replace("_mm", "_m", 3)}")']
+    log += [f"and the line of columns above them: {_COLUMNS}"]
+    lines = [f"# {text}" for text in robot_header(job, log)] + _UR.format(feed=job.feed, approach=APPROACH).splitlines()
+    lines += [f'  textmsg("{_COLUMNS}")']
     for touch, way in ways(job):
         lines.append(f"  # touch {touch.number}: {touch.face}")
         lines += [f"  movel({pose_text('ur', place, tool)}, a=0.5, v={TRAVEL})" for place, tool in way]
@@ -29,6 +29,10 @@ def ur(job: Job) -> str:
         lines.append(f"  movel({pose_text('ur', touch.outer, touch.tool)}, a=0.5, v={TRAVEL})")
     return "\n".join([*lines, "end", ""])
 
+
+_HAND = "hand_x_m,hand_y_m,hand_z_m,hand_rx_rad,hand_ry_rad,hand_rz_rad"
+_COLUMNS = COLUMNS.replace("x_mm,y_mm,z_mm", f"x_m,y_m,z_m,{_HAND}")
+"""Columns of the log: the position of the ball, and the pose of the tool in the robot's notation."""
 
 _UR = """def tanteo_probe():
   global goal = p[0, 0, 0, 0, 0, 0]
@@ -51,7 +55,7 @@ _UR = """def tanteo_probe():
     if met():
       fail("the probe is high before the touch")
     end
-    movel(start, a=0.5, v=0.05)
+    movel(start, a=0.5, v={approach})
     if met():
       fail("the probe touched something on the way to the start")
     end
@@ -71,6 +75,11 @@ _UR = """def tanteo_probe():
     line = str_cat(line, str_cat(to_str(here[0]), ","))
     line = str_cat(line, str_cat(to_str(here[1]), ","))
     line = str_cat(line, str_cat(to_str(here[2]), ","))
+    k = 0
+    while k < 6:
+      line = str_cat(line, str_cat(to_str(here[k]), ","))
+      k = k + 1
+    end
     textmsg(str_cat(line, facts))
-    movel(start, a=0.5, v=0.05)
+    movel(start, a=0.5, v={approach})
   end"""
