@@ -25,6 +25,7 @@ from tanteo.posterior.convention_checks import about_conventions
 from tanteo.posterior.findings import about_frames, about_readings, scale_of
 from tanteo.posterior.settings import Settings
 from tanteo.sensors import PointMeasurements, Readings, Rig, measure, reading_kind, thinned, unstated_sd
+from tanteo.sensors.error_states import ErrorState
 from tanteo.sensors.presets import RobotPreset, SensorPreset
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
@@ -56,6 +57,7 @@ def identify(
     robot: RobotPreset | str | None = None,
     tip_sd: npt.ArrayLike | None = None,
     bias_sd: float | None = None,
+    shared_errors: Sequence[ErrorState] = (),
     rig: Rig | None = None,
     significance: float = SIGNIFICANCE,
     top: int = TOP,
@@ -83,6 +85,8 @@ def identify(
         tip_sd: sds of the tip's offset in the hand's frame [m], one draw for the run. If none are stated and the
             readings have poses of the hand, they are 0.3 mm, and a finding has the estimate; zeros for an exact tip.
         bias_sd: sd of an error along the approach that all readings share [m]: of the ball's radius, the trigger point.
+        shared_errors: further errors that readings share: scale, drift, form, stock; see
+            :mod:`tanteo.sensors.error_states`.
         rig: where range sensors sit on the hand.
         significance: least p-value of the joint test at which a part is accepted.
         top: number of hypotheses to report.
@@ -116,7 +120,16 @@ def identify(
     tip_sd, assumed = _with_tip(readings, None if as_published and tip_sd is None else tip_sd, as_published)
     unstated = unstated_sd(readings, sensor=sensor, sd=sd, rig=rig)
     stated_sd, sd = sd, sd if unstated is None else unstated
-    measured = measure(readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig)
+    measured = measure(
+        readings,
+        sensor=sensor,
+        robot=robot,
+        sd=sd,
+        tip_sd=tip_sd,
+        bias_sd=bias_sd,
+        rig=rig,
+        shared_errors=shared_errors,
+    )
     priors = _with_noise_factor(priors, readings, sensor, stated_sd, unstated)
     placed = priors is not None and priors.pose is not None
     if as_published:
@@ -154,7 +167,8 @@ def identify(
         start = time.perf_counter()
         question = Query(
             sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig,
-            significance=significance, priors=priors, views=views, factors=factors, seed=seed, settings=settings,
+            shared_errors=shared_errors, significance=significance, priors=priors, views=views, factors=factors,
+            seed=seed, settings=settings,
         )  # fmt: skip
         note = about_conventions(answer, readings, parts, question, placed=placed, settings=settings)
         answer = with_elapsed(answer, conventions=time.perf_counter() - start)
@@ -203,22 +217,25 @@ class Query:
         own = own | {"tip_sd": _with_tip(readings, own["tip_sd"])[0]}
         unstated = unstated_sd(readings, sensor=own["sensor"], sd=own["sd"], rig=own["rig"])
         sd = own["sd"] if unstated is None else unstated
-        known = {name: own[name] for name in ("sensor", "robot", "tip_sd", "bias_sd", "rig")}
+        known = {
+            name: own[name] for name in ("sensor", "robot", "tip_sd", "bias_sd", "shared_errors", "rig") if name in own
+        }
         measured = measure(readings, sd=sd, **known)
         points = as_contact_points(measured, tolerance, readings.ranges.take(measured.rows))
         priors = _with_noise_factor(own["priors"], readings, own["sensor"], own["sd"], unstated)
         priors = sized(priors, float(candidates.radii.max()))
         return Problem(points, as_free_rays(measured, tolerance), priors, settings=settings), candidates
 
-    def answer(self, readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = None) -> Answer:
+    def answer(self, readings: Readings, parts: Sequence[Part], *, shared_errors: Sequence[ErrorState] = ()) -> Answer:
         """Return the answer for other readings or parts, without checks of conventions.
 
         Args:
             readings: the readings.
             parts: the candidates.
-            bias_sd: sd of an error along the approach that all readings share [m]; None as in the first inference.
+            shared_errors: errors that the readings share, in addition to those of the first inference.
         """
-        own = self._options if bias_sd is None else self._options | {"bias_sd": bias_sd}
+        errors = (*self._options.get("shared_errors", ()), *shared_errors)
+        own = self._options | {"shared_errors": errors}
         return identify(readings, parts, **own, top=1, conventions=False)
 
 
@@ -322,6 +339,7 @@ def locate(
     robot: RobotPreset | str | None = None,
     tip_sd: npt.ArrayLike | None = None,
     bias_sd: float | None = None,
+    shared_errors: Sequence[ErrorState] = (),
     rig: Rig | None = None,
     significance: float = SIGNIFICANCE,
     top: int = TOP,
@@ -346,6 +364,7 @@ def locate(
         robot: preset of robot errors.
         tip_sd: sds of the tip's offset [m]; 0.3 mm with poses of the hand if none are stated.
         bias_sd: sd of an offset along the approach [m].
+        shared_errors: further errors that readings share.
         rig: where range sensors sit on the hand.
         significance: least p-value of the joint test at which the part is accepted.
         top: number of poses to report.
@@ -368,6 +387,7 @@ def locate(
     """
     return identify(
         readings, [as_part("part", part)], sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd,
-        bias_sd=bias_sd, rig=rig, significance=significance, top=top, as_published=as_published, priors=priors,
+        bias_sd=bias_sd, shared_errors=shared_errors, rig=rig, significance=significance, top=top,
+        as_published=as_published, priors=priors,
         views=views, factors=factors, seed=seed, conventions=conventions, settings=settings,
     )  # fmt: skip

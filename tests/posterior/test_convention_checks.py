@@ -9,7 +9,8 @@ import tanteo
 from bare_scenes import box_centred_pose
 from tanteo.geometry import SE3, SO3
 from tanteo.sensors import Rig, RigSensor
-from tanteo.words.findings import Convention, OffsetQuestion
+from tanteo.sensors.error_states import Stock
+from tanteo.words.findings import Convention, DirectionsConvention, OffsetQuestion, ScaleQuestion
 
 SD, RADIUS = 5e-5, 2e-3
 SIZES = {"long": (0.09, 0.05, 0.03), "flat": (0.07, 0.06, 0.015), "high": (0.04, 0.035, 0.08)}
@@ -62,6 +63,49 @@ def test_a_part_that_is_in_no_file_has_no_offset(blocks):
         points, _ = touches(blocks[0], np.random.default_rng(seed))
         answer = identified(blocks[1:], points)
         assert not [one for one in answer.findings if isinstance(one, OffsetQuestion)]
+
+
+@pytest.mark.parametrize("factor", [1.01, 0.995])
+def test_a_scaled_part_is_named_with_its_scale(blocks, factor):
+    points, normals = touches(blocks[0], np.random.default_rng(3))
+    answer = identified(blocks, factor * points, directions=-normals)
+    (found,) = (one for one in answer.findings if one.role == "question")
+    assert isinstance(found, ScaleQuestion)
+    assert abs(found.scale - factor) < 4 * found.sd < 0.01
+
+
+def test_wrong_directions_are_named(blocks):
+    points, normals = touches(blocks[2], np.random.default_rng(4), n=24)
+    answer = identified(blocks, points, directions=np.roll(normals, 1, axis=1))
+    (found,) = (one for one in answer.findings if one.role == "question")
+    assert isinstance(found, DirectionsConvention)
+    assert found.mistake == "directions_wrong"
+
+
+@pytest.mark.parametrize("noise", [4, 8])
+def test_noise_is_no_offset_and_no_scale(blocks, noise):
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        points, normals = touches(blocks[seed % 3], rng, n=12)
+        answer = identified(blocks, points + noise * SD * rng.normal(size=points.shape), directions=-normals)
+        assert not [one for one in answer.findings if isinstance(one, (OffsetQuestion, ScaleQuestion))]
+
+
+def test_advised_stock_leaves_the_truth_inside(blocks):
+    rng = np.random.default_rng(6)
+    points, normals = touches(blocks[0], rng, n=20)
+    upright = np.abs(normals @ normals[0]) > 0.9  # one pair of faces carries nothing, the others 2 mm
+    stocked = points + np.where(upright, 0.0, RADIUS)[:, None] * normals
+    advised = tanteo.locate(
+        tanteo.Readings.from_columns(points=stocked, directions=-normals, sds=np.full(20, SD)), blocks[0],
+        shared_errors=(Stock(RADIUS),),
+    )  # fmt: skip
+    exact = tanteo.locate(
+        tanteo.Readings.from_columns(points=points, directions=-normals, sds=np.full(20, SD)), blocks[0]
+    )
+    gap = SE3.inverse(exact.pose) @ (advised.pose @ blocks[0].symmetry.Ts)
+    assert advised.status == "recognized"
+    assert np.linalg.norm(gap[:, :3, 3], axis=1).min() < 3 * advised.best.corner_sd
 
 
 def test_right_readings_are_no_mistake(blocks):

@@ -11,7 +11,8 @@ import pytest
 from tanteo import Readings, identify
 from tanteo.io import read_readings
 from tanteo.parts import read_part
-from tanteo.sensors import concatenate, find_repeated, measure
+from tanteo.sensors import concatenate, measure
+from tanteo.sensors.anomalies import find_repeated
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 POINTS = np.arange(12.0).reshape(4, 3) / 100

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tanteo.sensors import Readings, find_stuck
+from tanteo.sensors import Readings
+from tanteo.sensors.anomalies import find_stuck
 
 
 def ranges(values, *, sensors=None, places=None):

@@ -127,7 +127,8 @@ def ask(
         priors = options.priors(known, outline)
     chosen: dict[str, Any] = {
         "sensor": options.sensor, "sd": options.sd, "tolerance": options.form_sd, "robot": options.robot,
-        "tip_sd": options.tip_sd, "bias_sd": options.bias_sd, "rig": given.rig, "significance": options.significance,
+        "tip_sd": options.tip_sd, "shared_errors": options.shared_errors, "rig": given.rig,
+        "significance": options.significance,
         "priors": priors, "factors": factors, "views": () if many else views, "seed": options.seed,
     }  # fmt: skip
     with misuse(always=False):
@@ -180,7 +181,7 @@ def _print_latency(path: str, answer: posterior.Answer, given: Given, options: O
         return
     measured = partial(
         measure, sensor=options.sensor, robot=options.robot, sd=options.sd, tip_sd=options.tip_sd,
-        bias_sd=options.bias_sd, rig=given.rig,
+        shared_errors=options.shared_errors, rig=given.rig,
     )  # fmt: skip
     found = estimate_latency(shifted, STEP, measured, answer.best, part_named(given.parts, answer.best.part))
     if found is not None and found.contradicts:
@@ -278,7 +279,7 @@ def read_given(path: str, part_paths: Sequence[str], options: Evidence, file: Fi
     with misuse():
         measured = measure(
             readings, sensor=options.sensor, robot=options.robot, sd=sd, tip_sd=options.tip_sd,
-            bias_sd=options.bias_sd, rig=rig,
+            shared_errors=options.shared_errors, rig=rig,
         )  # fmt: skip
     if rig is None and (question := misspelt(readings)):
         complain("warning", question)
@@ -328,7 +329,8 @@ def _report(
     from tanteo.render.html import gather, report_page
 
     sensing = Sensing(
-        options.sensor, options.robot, options.sd, options.tip_sd, given.rig, options.form_sd, options.bias_sd
-    )
+        options.sensor, options.robot, options.sd, options.tip_sd, given.rig, options.form_sd,
+        shared_errors=options.shared_errors,
+    )  # fmt: skip
     page = report_page(answer, gather(given.readings, sensing, known), given.parts, files.this_run())
     files.write_page(path, page, as_json=options.json)

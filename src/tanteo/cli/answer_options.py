@@ -13,6 +13,7 @@ from tanteo.cli.misuse import MisuseError
 from tanteo.defaults import SIGNIFICANCE, TOP
 
 if TYPE_CHECKING:
+    from tanteo.cli.error_options import Errors
     from tanteo.factors import PoseFactor
 
 
@@ -27,6 +28,11 @@ class Evidence:
     robot: args.Robot = None
     tip_sd: args.TipSd = None
     bias_sd: args.BiasSd = None
+    scale_sd: args.ScaleSd = None
+    drift_sd: args.DriftSd = None
+    warp_sd: args.WarpSd = None
+    fan_sd: args.FanSd = None
+    stock: args.Stock = None
     noise_factor: args.NoiseFactor = None
     outlier_rate: args.OutlierRate = None
     unknown_prior: args.UnknownPrior = None
@@ -47,6 +53,12 @@ class Evidence:
     json: args.Json = False
     seed: args.Seed = 0
     verbose: args.Verbose = False
+
+    @property
+    def shared_errors(self) -> Errors:
+        """Return the errors that all readings share, of all options."""
+        stated = (self.bias_sd, self.scale_sd, self.drift_sd, self.warp_sd, self.fan_sd, self.stock)
+        return tuple(error for errors in stated for error in errors or ())
 
     def factors(self) -> tuple[PoseFactor, ...]:
         """Return the factors in the files of ``--factor``.

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tanteo import io
-from tanteo.cli import typed
+from tanteo.cli import error_options, typed
+from tanteo.cli.error_options import Errors
 from tanteo.cli.typed import Words
 from tanteo.defaults import SIGNIFICANCE, TOP
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray
     from tanteo.posterior import Table
 else:  # the parser resolves annotations; these names avoid slow imports
-    FloatArray = Table = UncertainFrame = Any
+    Errors = FloatArray = Table = UncertainFrame = Any
 
 
 def option(names: str, metavar: str | None, words: str, **more: Any) -> Any:
@@ -88,9 +89,43 @@ TipSd = Annotated[
 ]
 
 BiasSd = Annotated[
-    float | None,
-    _errors("--bias-sd", "LENGTH", "Standard deviation of an offset along the approach that all readings share."),
-    Words(partial(typed.spread, "--bias-sd", True)),
+    Errors | None,
+    _errors(
+        "--bias-sd",
+        "[NAME=]LENGTH,...",
+        "Standard deviation of an offset along the approach that all readings share, as 0.05mm; by axes of the "
+        "approach (xy=0.02mm,z=0.01mm), backlash=, lobes=, or of each value of the column group=.",
+    ),
+    Words(error_options.bias),
+]
+ScaleSd = Annotated[
+    Errors | None,
+    _errors("--scale-sd", "FRACTION", "Standard deviation of the world's scale about its origin, as 100ppm."),
+    Words(error_options.scale),
+]
+DriftSd = Annotated[
+    Errors | None,
+    _errors(
+        "--drift-sd",
+        "[NAME=]LENGTH",
+        "Standard deviation of the drift over the run, as 0.1mm; trigger= of the trigger.",
+    ),
+    Words(error_options.drift),
+]
+WarpSd = Annotated[
+    Errors | None,
+    _errors("--warp-sd", "LENGTH", "Standard deviation of a smooth deviation of the part (bending, warp), as 0.2mm."),
+    Words(error_options.warp),
+]
+FanSd = Annotated[
+    Errors | None,
+    _errors("--fan-sd", "ANGLE", "Standard deviation of the angles of a range sensor's beams, as 0.3deg."),
+    Words(error_options.fan),
+]
+Stock = Annotated[
+    Errors | None,
+    _errors("--stock", "[uniform=]LENGTH", "Material on each face of the CAD, from none to about this, as 3mm."),
+    Words(error_options.stock),
 ]
 NoiseFactor = Annotated[
     float | None,

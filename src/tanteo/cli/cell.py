@@ -31,7 +31,7 @@ def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Option
     given = read_given(readings, [part], options, file)
     how: dict[str, Any] = {
         "sensor": options.sensor, "robot": options.robot, "sd": options.sd, "tip_sd": options.tip_sd,
-        "bias_sd": options.bias_sd, "rig": given.rig, "tolerance": options.form_sd,
+        "shared_errors": options.shared_errors, "rig": given.rig, "tolerance": options.form_sd,
     }  # fmt: skip
     sensing = Sensing(**how)
     target = posterior.prepare(given.parts[0])

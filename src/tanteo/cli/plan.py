@@ -100,7 +100,7 @@ class Options:
         )
         where["form_sd"] = self.form_sd
         probe = probe_of(self.sensor or self.sd or 0.0, self.robot, **where)
-        shared = math.hypot(probe.shared_sd, self.bias_sd or 0.0)
+        shared = math.hypot(probe.shared_sd, *(error.spread * error.sd for error in self.bias_sd or ()))
         moved = math.hypot(probe.base_sds[0], max(self.tip_sd or (0.0,)))  # of a tool that keeps its attitude
         return replace(probe, shared_sd=shared, base_sds=(moved, probe.base_sds[1]))
 

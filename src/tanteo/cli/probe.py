@@ -156,7 +156,8 @@ def _session(start: Start, options: Options, machine: MachineOptions) -> Session
     return Session(
         start, machine.probe(spread, options.robot, options.form_sd, turns=turns_of(machine.machine)),
         Sensing(
-            **how, robot=options.robot, bias_sd=options.bias_sd, tip_sd=options.tip_sd, tolerance=options.form_sd
+            **how, robot=options.robot, shared_errors=options.bias_sd or (), tip_sd=options.tip_sd,
+            tolerance=options.form_sd,
         ),
         stop=stop, seed=options.seed,
     )  # fmt: skip

@@ -195,7 +195,8 @@ def _estimator(parts: Sequence[Part], options: Options, topics: TopicOptions) ->
 
     rig = None if options.rig is None else files.read_rig(options.rig, options.sensor, options.sd)
     sensing = Sensing(
-        sensor=options.sensor, sd=options.sd, robot=options.robot, tip_sd=options.tip_sd, bias_sd=options.bias_sd,
+        sensor=options.sensor, sd=options.sd, robot=options.robot, tip_sd=options.tip_sd,
+        shared_errors=options.bias_sd or (),
         rig=rig, tolerance=options.form_sd,
     )  # fmt: skip
     furniture = tuple(io.poses.read_furniture(text, options.units, "--furniture") for text in options.furniture or ())

@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
+from scipy.stats import t as t_distribution
 
 from tanteo.errors import TanteoError
 from tanteo.geometry import SE3
@@ -26,11 +27,22 @@ from tanteo.posterior.problem import Problem
 from tanteo.posterior.settings import DEFAULTS, Settings
 from tanteo.posterior.trial_fit import TrialFit, trial_fit
 from tanteo.sensors import Column, Readings, Rig, reading_kind, thinned
+from tanteo.sensors.error_states import ErrorState, Offset, Scale
 from tanteo.words import Finding
-from tanteo.words.findings import Convention, MirrorConvention, MirrorQuestion, OffsetQuestion, UnitsConvention
+from tanteo.words.findings import (  # fmt: skip
+    Convention,
+    MirrorConvention,
+    MirrorQuestion,
+    OffsetQuestion,
+    ScaleQuestion,
+    UnitsConvention,
+)
 
-_OFFSET = 0.03
-"""Standard deviation of an unstated common offset, such as a ball's radius, over the size of the largest part."""
+_SHARED_SD = 0.03
+"""Standard deviation of an unstated scale, and of an unstated offset over the size of the largest part."""
+
+_CHANCE = 1e-6
+"""Definition: significance of an unstated error, one in 500 over 2,000 poses."""
 
 
 class Query(Protocol):
@@ -43,13 +55,13 @@ class Query(Protocol):
     def problem(self, readings: Readings, parts: Sequence[Part]) -> tuple[Problem, Candidates]:
         """Return the measurements and priors of the inference for other readings, and its candidate parts."""
 
-    def answer(self, readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = None) -> Answer:
+    def answer(self, readings: Readings, parts: Sequence[Part], *, shared_errors: Sequence[ErrorState] = ()) -> Answer:
         """Return the answer for other readings or parts, without checks of conventions.
 
         Args:
             readings: the readings.
             parts: the candidates.
-            bias_sd: sd of an error along the approach that all readings share [m]; None as in the first inference.
+            shared_errors: errors that the readings share, in addition to those of the first inference.
         """
 
 
@@ -76,7 +88,7 @@ def about_conventions(
         settings: settings of the inference.
     """
     some = thinned(readings, settings.search.few_points)
-    found: Convention | OffsetQuestion | None = None
+    found: Convention | OffsetQuestion | ScaleQuestion | None = None
     if answer.status != "recognized" and not (placed or _is_of_size(readings, parts, settings)):
         # in another unit they would cover a small patch, which fits anywhere, also with an offset
         units = [way for way in OTHERS if way.finding is UnitsConvention]
@@ -88,7 +100,7 @@ def about_conventions(
     found = (
         found
         or _about_ways((*HANDS, *of_rig(question.rig)), some, parts, question, settings)
-        or _about_offset(some, parts, question, settings)
+        or _about_shared(answer, some, parts, question, settings)
         or _about_ways(others, some, parts, question, settings)
     )
     if found is None or len(some) == len(readings):
@@ -163,7 +175,7 @@ def _about_image(
     part = part_named(parts, answer.best.part)
     if part is None:
         return None
-    image = mirror_part(part)
+    image = mirror_part(getattr(part, "part", part))
     found = _answer_to(question, readings, [part, image], settings.search.explained)
     best = found.best if found is not None else None
     if best is None or best.part != image.name or best.outliers or best.probability < 1 - NOTABLE:
@@ -171,32 +183,74 @@ def _about_image(
     return MirrorQuestion(part.name, best.probability)
 
 
-def _about_offset(
+def _about_shared(
+    answer: Answer, readings: Readings, parts: Sequence[Part], question: Query, settings: Settings
+) -> OffsetQuestion | ScaleQuestion | None:
+    """Return the question of one offset or one scale with which all readings fit; None if neither is significant.
+
+    Both explain a part that is too large. The one with the smaller misfit is named.
+    """
+    offset = _offset_answer(readings, parts, question, settings)
+    best = answer.hypotheses[0].part if answer.hypotheses else ""
+    named = part_named(parts, best if offset is None else offset[0].hypotheses[0].part)
+    scale = None if named is None else _shared_answer(readings, [named], question, Scale(_SHARED_SD), settings)
+    found = min((one for one in (offset, scale) if one is not None), key=_misfit, default=None)
+    if found is None:
+        return None
+    fitted, value, sd = found
+    if found is scale:
+        return ScaleQuestion(*_fitting(fitted), 1 / (1 + value), sd)
+    return OffsetQuestion(*_fitting(fitted), value, bool(readings.points.given.any()))
+
+
+def _misfit(found: tuple[Answer, float, float]) -> float:
+    """Return the squared residuals of an answer."""
+    return found[0].hypotheses[0].chi2
+
+
+def _offset_answer(
     readings: Readings, parts: Sequence[Part], question: Query, settings: Settings
-) -> OffsetQuestion | None:
-    """Return the question of one common offset with which all readings fit; None if there is none."""
+) -> tuple[Answer, float, float] | None:
+    """Return the answer with one common offset, the offset and its sd [m]; None if there is none."""
     if all(reading_kind(kind).is_centre or kind == "free" for kind in readings.kinds):
         return None  # a centre has neither a radius nor an approach
-    sd = _OFFSET * max(sizes_of(parts))
+    sd = _SHARED_SD * max(sizes_of(parts))
     try:
         trial = trial_fit(*question.problem(readings, parts), offset_sd=sd)
-        if trial is not None:
-            if trial.rejects(settings.search.explained) or trial.is_without_offset(settings.search.gate):
-                return None
-            readings = _aimed(readings, trial)
-        found = question.answer(readings, parts, bias_sd=sd)
+    except TanteoError:
+        return None
+    if trial is not None:
+        if trial.rejects(settings.search.explained) or trial.is_without_offset(settings.search.gate):
+            return None
+        readings = _aimed(readings, trial)
+    return _shared_answer(readings, parts, question, Offset(sd), settings)
+
+
+def _shared_answer(
+    readings: Readings, parts: Sequence[Part], question: Query, error: ErrorState, settings: Settings
+) -> tuple[Answer, float, float] | None:
+    """Return the answer with one more shared error, its value and sd; None if readings without it explain as much.
+
+    The simpler explanation is larger noise without the error. It is tested by Student's t of the value over its
+    marginal standard deviation, which contains the estimated noise, at one in a million: one in 500 over the about
+    2,000 poses from which a search chooses.
+    """
+    try:
+        found = question.answer(readings, parts, shared_errors=(error,))
     except TanteoError:
         return None
     if not fits(found, settings):
         return None
-    shared = found.hypotheses[0].shared
-    if shared is None or not len(shared.mean):
+    best = found.hypotheses[0]
+    shared = best.shared
+    if shared is None or not len(shared.mean) or best.dof < 2:
         return None
-    off, spread = sd * float(shared.mean[-1]), sd * float(np.sqrt(shared.covariance[-1, -1]))
-    if abs(off) < settings.search.gate * spread:
+    row = shared.follows[-1]
+    marginal = shared.covariance[-1, -1] + row @ best.covariance @ row
+    value, sd = error.sd * float(shared.mean[-1]), error.sd * float(np.sqrt(marginal))
+    if 2 * t_distribution.sf(abs(value) / sd, best.dof - 1) > _CHANCE:
         return None
-    touched = bool(readings.points.given.any())
-    return OffsetQuestion(*_fitting(found), off, touched)
+    return found, value, sd
 
 
 def _aimed(readings: Readings, trial: TrialFit) -> Readings:

@@ -76,6 +76,14 @@ def _reversed(name: str) -> Callable[[Readings], Readings | None]:
     return undo
 
 
+def _without_directions(readings: Readings) -> Readings | None:
+    """Return the readings without directions; None if none has one, or a range depends on them."""
+    given = readings.directions.given
+    if not given.any() or not readings.points.given[given].all():
+        return None
+    return replace(readings, directions=Column.empty(len(readings), (3,)))
+
+
 def _mirrored(readings: Readings) -> Readings | None:
     if readings.Ts_world_hand.given.any():
         return None
@@ -198,5 +206,6 @@ OTHERS = (
     Mistake(UnitsConvention, "millimetres_not_metres", _longer("mm", "m")),
     Mistake(UnitsConvention, "metres_not_millimetres", _longer("m", "mm")),
     Mistake(MirrorConvention, "mirrored", _mirrored),
+    Mistake(DirectionsConvention, "directions_wrong", _without_directions),
 )  # fmt: skip
 """Other usual mistakes."""

@@ -24,7 +24,8 @@ from tanteo.posterior.free_space import gone_through
 from tanteo.posterior.prepared import prepare
 from tanteo.posterior.settings import DEFAULTS, FEWEST, CheckSettings, Settings
 from tanteo.posterior.touched_region import LARGER
-from tanteo.sensors import PointMeasurements, Readings, find_repeated, find_stuck
+from tanteo.sensors import PointMeasurements, Readings
+from tanteo.sensors.anomalies import find_repeated, find_stuck
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
     DirectionsQuestion,

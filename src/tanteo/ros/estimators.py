@@ -91,7 +91,8 @@ class JointEstimator:
         joined = readings if self._readings is None else concatenate([self._readings, readings])
         self._answer = identify(
             joined, self.parts, sensor=sensing.sensor, sd=sensing.sd, tolerance=sensing.tolerance,
-            robot=sensing.robot, tip_sd=sensing.tip_sd, bias_sd=sensing.bias_sd, rig=sensing.rig, priors=self.priors,
+            robot=sensing.robot, tip_sd=sensing.tip_sd, bias_sd=sensing.bias_sd,
+            shared_errors=sensing.shared_errors, rig=sensing.rig, priors=self.priors,
             seed=self.seed, conventions=False,
         )  # fmt: skip
         self._readings = joined

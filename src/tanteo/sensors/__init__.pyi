@@ -1,10 +1,10 @@
+from . import anomalies as anomalies
 from . import calibration as calibration
 from . import emission as emission
+from . import error_states as error_states
 from . import kinds as kinds
 from . import noise as noise
 from . import presets as presets
-from .anomalies import find_repeated as find_repeated
-from .anomalies import find_stuck as find_stuck
 from .calibration.calibrate import calibrate as calibrate
 from .checks import check_features as check_features
 from .columns import Column as Column

@@ -20,12 +20,13 @@ from tanteo.geometry.limits import LARGEST, LEAST_SD, check_length, check_number
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Vectors
 from tanteo.sensors.columns import Column
 from tanteo.sensors.devices import Device, Placed, find_devices, place
+from tanteo.sensors.error_states import MOST_STATES, ErrorState, Offset, Sensed
 from tanteo.sensors.measurements import FreeBeams, PointMeasurements
 from tanteo.sensors.noise import beam_cov
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.sensors.readings import Readings, check_readings_kind
 from tanteo.sensors.rig import Rig
-from tanteo.sensors.shared import SharedEffect, aims_of, base, of_devices, offset, tip
+from tanteo.sensors.shared import SharedEffect, aims_of, base, of_devices, of_state, tip
 
 _ACROSS_FLOOR = 1e-2
 """Smallest standard deviation across a beam as a fraction of that along it, which keeps covariances invertible."""
@@ -45,6 +46,7 @@ def measure(
     sd: float | None = None,
     tip_sd: npt.ArrayLike | None = None,
     bias_sd: float | None = None,
+    shared_errors: Sequence[ErrorState] = (),
     rig: Rig | None = None,
     beam_half_angle: float = math.nan,
 ) -> PointMeasurements:
@@ -61,7 +63,9 @@ def measure(
         tip_sd: standard deviations of the tip's offset in the hand frame ``(3,)`` [m], one draw for the run; zeros for
             an exact tip.
         bias_sd: standard deviation of an error along the approach shared by all readings [m], such as of the ball's
-            radius, the trigger point or the zero; it adds to those of presets and rigs.
+            radius, the trigger point or the zero; it adds to those of presets and rigs. Short for ``Offset(bias_sd)``.
+        shared_errors: further errors that readings share, such as ``Scale(1e-4)``; see
+            :mod:`tanteo.sensors.error_states`.
         rig: poses of the range sensors on the hand.
         beam_half_angle: half angle of beams whose sensor does not state one [rad]; if NaN, such readings have the same
             standard deviation across as along the beam.
@@ -91,9 +95,19 @@ def measure(
         shared.append(tip(readings, placed, tip_sd))
     covs = covs + _unaimed(aims, np.array([d.bias_sd for d in devices])[numbers])
     shared += of_devices(placed, aims, devices, numbers, free)
-    if bias_sd is not None:
-        covs = covs + _unaimed(aims, bias_sd)
-        shared.append(offset(aims, hit, bias_sd))
+    errors = (*(() if bias_sd is None else (Offset(bias_sd),)), *shared_errors)
+    if errors:
+        units = np.unique([device.unit for device in devices], return_inverse=True)[1][numbers]
+        sensed = Sensed(
+            points, aims, hit, placed.directions, readings.groups, readings.features, placed.T_world_units, units
+        )
+        for error in errors:
+            columns = error.columns(sensed)
+            points = points + error.center * error.sd * columns.points.sum(axis=2)
+            covs = covs if columns.covs is None else covs + columns.covs
+            covs = covs + _unaimed(aims, error.spread * error.sd) if error.along_aim else covs
+            shared.append(of_state(error, columns))
+    _check_states(shared)
     sizes = readings.hole_radii.coalesce(readings.half_angles)
     return PointMeasurements(
         ids=tuple(np.array(readings.ids, dtype=object)[hit]),
@@ -123,6 +137,16 @@ def _check_sds(sd: float | None, bias_sd: float | None) -> None:
         raise InputError(f"sd: expected one standard deviation from {LEAST_SD:g} to {LARGEST:g} m, got {sd:g}.")
     if bias_sd is not None:
         check_length("bias_sd", bias_sd, LEAST_SD)
+
+
+def _check_states(shared: Sequence[SharedEffect]) -> None:
+    """Check that the core accepts the number of shared errors."""
+    counts = {one.error.name: len(one.error.covariance) for one in shared}
+    if sum(counts.values()) > MOST_STATES:
+        listed = ", ".join(f"{count} of {name}" for name, count in counts.items())
+        raise InputError(
+            f"shared_errors: expected at most {MOST_STATES} states, got {listed}. Omit an error, or use fewer groups."
+        )
 
 
 def _unaimed(aims: Column, sds: FloatArray | float) -> Covariances:

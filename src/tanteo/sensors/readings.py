@@ -91,7 +91,7 @@ _COLUMNS = {
 _SHOWN = 20
 """Number of readings that a notebook shows: one screen."""
 
-_NAMES = ("ids", "features", "kinds", "sensors", "material_sides")
+_NAMES = ("ids", "features", "kinds", "sensors", "material_sides", "groups")
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -126,6 +126,7 @@ class Readings(Value):
         hole_radii: radii of the holes, bosses or spheres whose centre a row states ``(n,)`` [m].
         half_angles: half angles of the cones whose apex a row states ``(n,)`` [rad].
         material_sides: ``hole``, ``boss`` or ``''`` for rows that state a centre.
+        groups: group of each reading, whose readings may share an error: a scan line, a speed, a pass; empty for none.
         source: origin of the readings (a file name), for messages.
         notes: sentences about assumptions and ignored content of the file.
         frame: name of the frame that is called the world here: that of points, directions, normals and hand poses.
@@ -155,6 +156,7 @@ class Readings(Value):
     hole_radii: Column
     half_angles: Column
     material_sides: tuple[str, ...]
+    groups: tuple[str, ...] = ()
     source: str = field(default="readings")
     notes: tuple[str, ...] = ()
     frame: str = "world"
@@ -169,7 +171,8 @@ class Readings(Value):
             raise ReadingsError(f"radii: expected shape {(n,)}, got {radii.shape}. Give one row a reading.")
         object.__setattr__(self, "radii", frozen_array(radii))
         object.__setattr__(self, "is_free", frozen_flags(self.is_free, n))
-        for name in ("features", "kinds", "sensors", "material_sides"):
+        object.__setattr__(self, "groups", tuple(self.groups) or ("",) * n)
+        for name in _NAMES[1:]:
             if len(getattr(self, name)) != n:
                 raise ReadingsError(f"{name}: expected {n} entries, one a reading, got {len(getattr(self, name))}.")
         check_readings(self)
@@ -215,6 +218,7 @@ class Readings(Value):
         hole_radii: Column | FloatArray | None = None,
         half_angles: Column | FloatArray | None = None,
         material_sides: Sequence[str] | None = None,
+        groups: Sequence[str] | None = None,
         source: str = "readings",
         notes: Sequence[str] = (),
         frame: str = "world",
@@ -246,6 +250,7 @@ class Readings(Value):
             hole_radii: radii of holes, bosses and spheres ``(n,)`` [m].
             half_angles: half angles of cones ``(n,)`` [rad].
             material_sides: ``hole``, ``boss`` or empty for each row.
+            groups: groups of readings that may share an error.
             source: origin of the readings (a file name), for messages.
             notes: sentences about assumptions and ignored content.
             frame: name of the frame in which points, directions and poses are.
@@ -273,6 +278,7 @@ class Readings(Value):
             kinds=kinds,
             sensors=("",) * n if sensors is None else names_of(sensors),
             material_sides=("",) * n if material_sides is None else names_of(material_sides),
+            groups=("",) * n if groups is None else names_of(groups),
             is_free=free,
             radii=np.zeros(n) if radii is None else radii,
             source=source,

@@ -18,6 +18,7 @@ from tanteo.geometry.limits import LARGEST
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Vectors
 from tanteo.sensors.columns import Column
 from tanteo.sensors.devices import Device, Placed
+from tanteo.sensors.error_states import Columns, ErrorState
 from tanteo.sensors.noise import body_jacobian
 from tanteo.sensors.presets import RobotPreset
 from tanteo.sensors.readings import Readings
@@ -89,16 +90,18 @@ def tip(readings: Readings, placed: Placed, tip_sd: npt.ArrayLike) -> SharedEffe
     return SharedEffect(error, J, np.zeros_like(J))
 
 
-def offset(aims: Column, rows: BoolArray, bias_sd: float) -> SharedEffect:
-    """Return one error along all approach directions, such as of a ball's radius, a trigger point or a sensor's zero.
+def of_state(error: ErrorState, columns: Columns) -> SharedEffect:
+    """Return the effect of an error state; its mean is added to the points by :func:`tanteo.sensors.measure`.
 
     Args:
-        aims: directions in which the error acts ``(n, 3)``.
-        rows: mask of the affected rows ``(n,)``.
-        bias_sd: standard deviation [m].
+        error: error with its prior.
+        columns: derivatives of the readings by its states.
     """
-    J = aims.only(rows).filled(0.0)[..., None]
-    return _one("offset of all readings", bias_sd, "along the approach [m]", J)
+    count = columns.points.shape[2]
+    name = columns.names[0] if count == 1 else error.name
+    cov = (error.spread * error.sd) ** 2 * np.eye(count)
+    turns = np.zeros_like(columns.points) if columns.turns is None else columns.turns
+    return SharedEffect(SharedError(name, cov, f"{name} [{error.unit}]"), columns.points, turns)
 
 
 def aims_of(readings: Readings, placed: Placed) -> Column:

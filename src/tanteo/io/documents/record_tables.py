@@ -16,6 +16,7 @@ from tanteo.io.documents.schema import Place, Table, as_plain
 from tanteo.planning import Action, Observation, Probe, Sensing, Stop
 from tanteo.posterior import Priors
 from tanteo.sensors import Column, Readings, Rig
+from tanteo.sensors.error_states import ERROR_STATES, ErrorState
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.words import Finding, message_of
 from tanteo.words.findings import REASONS, Stated
@@ -129,6 +130,37 @@ class ObservationTable(Table, frozen=True, kw_only=True, eq=False):
         return table(Readings, raw, place, columns | {"points": Column.empty(len(ids), (3,))})
 
 
+class ErrorTable(Table, frozen=True, kw_only=True, eq=False):
+    """Table of an error that readings share; ``axes``, ``length`` and ``uniform`` belong to some errors only."""
+
+    name: str
+    sd: float
+    axes: str | None = None
+    length: float | None = None
+    uniform: bool | None = None
+
+    @classmethod
+    def of(cls, error: ErrorState) -> ErrorTable:
+        """Return the table of an error.
+
+        Args:
+            error: error to store.
+        """
+        return cls(at=HERE, name=error.name, **{one.name: getattr(error, one.name) for one in fields(error)})
+
+    def state(self) -> ErrorState:
+        """Return the error.
+
+        Raises:
+            InputError: there is no such error.
+        """
+        if self.name not in ERROR_STATES:
+            raise self.at.refused("name", f"one of {', '.join(ERROR_STATES)}")
+        stated = {"axes": self.axes, "length": self.length, "uniform": self.uniform}
+        more: dict[str, Any] = {name: value for name, value in stated.items() if value is not None}
+        return made(ERROR_STATES[self.name], {"sd": self.sd, **more}, str(self.at))
+
+
 class SensingTable(Table, frozen=True, kw_only=True, eq=False):
     """Table of the noise model; it stores the values of presets, so that later changes of a preset do not affect it."""
 
@@ -139,6 +171,7 @@ class SensingTable(Table, frozen=True, kw_only=True, eq=False):
     rig: Rig | None
     tolerance: float
     bias_sd: float | None = None
+    shared_errors: tuple[ErrorTable, ...] = ()
 
     @classmethod
     def of(cls, sensing: Sensing) -> SensingTable:
@@ -159,6 +192,7 @@ class SensingTable(Table, frozen=True, kw_only=True, eq=False):
             rig=sensing.rig,
             tolerance=sensing.tolerance,
             bias_sd=sensing.bias_sd,
+            shared_errors=tuple(map(ErrorTable.of, sensing.shared_errors)),
         )
 
 

@@ -207,7 +207,8 @@ def resumed(
     targets = prepare_all("parts", parts)
     values = _with_images(values, targets, record)
     start = made(Start, {"targets": targets, **values}, f"{record.source}, start")
-    sensing = Sensing(**record.sensing.values())
+    errors = tuple(one.state() for one in record.sensing.shared_errors)
+    sensing = Sensing(**record.sensing.values() | {"shared_errors": errors})
     session = made(
         Session,
         {

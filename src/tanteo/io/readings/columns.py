@@ -12,7 +12,7 @@ from tanteo.io.readings.brands import BRANDS
 from tanteo.io.readings.hand_columns import ANGLES as HAND_ANGLES
 from tanteo.io.readings.hand_columns import NOTATIONS, PLACE, Notation, as_hand, notation_of
 from tanteo.io.readings.hand_columns import PLAIN as HAND_PLAIN
-from tanteo.io.readings.headers import advice, advice_on_size, canonical, is_unrelated, with_id, with_unit
+from tanteo.io.readings.headers import advice, advice_on_size, canonical, is_unrelated, with_group, with_id, with_unit
 from tanteo.io.readings.units import ANGLE_UNITS, LENGTH_UNITS
 
 LENGTHS = (
@@ -20,7 +20,7 @@ LENGTHS = (
     "hole_radius", "hole_diameter",
 )  # fmt: skip
 PLAIN = ("dx", "dy", "dz", "nx", "ny", "nz", "i", "j", "k", *HAND_PLAIN)
-TEXTS = ("id", "feature", "kind", "sensor", "status", "side")
+TEXTS = ("id", "feature", "kind", "sensor", "status", "side", "group")
 
 TIMES = {
     f"{name}{unit}": factor
@@ -124,7 +124,7 @@ def read_header(
     if any("|" in name for name in written):
         shown = show(" ".join(written))
         raise ReadingsError(f"{place}: expected commas between columns, got '{shown}'. Write it comma-separated.")
-    names = as_hand(with_id([canonical(name) for name in written]))
+    names = as_hand(with_group(with_id([canonical(name) for name in written])))
     names = [with_unit(name, unit) for name, unit in zip(names, below, strict=True)] if below else names
     notation = notation_of(names)
     own = {name: _brand_unit(name, brand, notation) for name in names}

@@ -40,6 +40,11 @@ _NAMES = (
     "messpunkt",
     "punktname",
 )
+_GROUPS_OF_READINGS = (
+    "line", "scan_line", "line_no", "line_number", "profile", "scan", "pass", "collection",
+    "speed", "feed", "feedrate", "feed_rate",
+)  # fmt: skip
+"""Names of columns that group readings, in the order in which the first one is chosen."""
 _LONGEST = 100
 """Largest number of characters in a column name; longer text is not matched."""
 
@@ -113,6 +118,18 @@ def with_id(names: list[str]) -> list[str]:
         return names
     first = next((name for name in names if name in _NAMES), None)
     return ["id" if name == first else name for name in names]
+
+
+def with_group(names: list[str]) -> list[str]:
+    """Return column names in which the first of ``line``, ``pass``, ``speed``, ... becomes ``group``, if none is.
+
+    Args:
+        names: canonical column names.
+    """
+    first = next((name for name in _GROUPS_OF_READINGS if name in names), None)
+    if "group" in names or first is None:
+        return names
+    return ["group" if name == first else name for name in names]
 
 
 def with_unit(name: str, unit: str) -> str:

@@ -187,7 +187,7 @@ def write_readings(readings: Readings, path: str | Path, *, unit: str = "mm", an
     columns |= _vector_cells([name + (f"_{unit}" if i < 3 else "") for i, name in enumerate(HAND)], hands)
     columns |= {"feature": list(readings.features), "sensor": list(readings.sensors)}
     columns["kind"] = [kind if reading_kind(kind).is_stated else "" for kind in readings.kinds]
-    columns["side"] = list(readings.material_sides)
+    columns |= {"side": list(readings.material_sides), "group": list(readings.groups)}
     columns["status"] = ["none" if free else "" for free in readings.is_free]
     columns = {name: cells for name, cells in columns.items() if any(cell != "" for cell in cells)}
     # without quotes an identifier that starts with # would be read as a comment

@@ -229,7 +229,8 @@ class Table:
             "sensors": self._texts.get("sensor"), "max_ranges": numbers.get("max"),
             "is_free": None if status is None else np.array([s == "none" for s in status]),
             "hole_radii": self._hole_radii(numbers), "half_angles": numbers.get("half_angle"),
-            "material_sides": self._texts.get("side"), TIME: numbers.get(TIME),
+            "material_sides": self._texts.get("side"), "groups": self._texts.get("group"),
+            TIME: numbers.get(TIME),
         }  # fmt: skip
         note = self.sheet.text.note()
         left = [c.written or "(no name)" for c in self.sheet.columns if c.left_out and not c.advice]

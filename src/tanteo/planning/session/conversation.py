@@ -27,7 +27,8 @@ from tanteo.planning.state import SensingState, begin, update
 from tanteo.planning.stopping import Stop
 from tanteo.planning.whole import Offers
 from tanteo.posterior import Answer, PosePrior
-from tanteo.sensors import Readings, check_readings_kind, concatenate, find_stuck
+from tanteo.sensors import Readings, check_readings_kind, concatenate
+from tanteo.sensors.anomalies import find_stuck
 from tanteo.values import Value
 from tanteo.words.findings import NoPartLeft, NoPlaceReached, Stuck
 

@@ -13,6 +13,7 @@ from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.planning.probe import Probe
 from tanteo.planning.session.action import Action
 from tanteo.sensors import PointMeasurements, Readings, Rig, measure
+from tanteo.sensors.error_states import ErrorState
 from tanteo.sensors.presets import RobotPreset, SensorPreset
 from tanteo.values import Value, lock
 from tanteo.words import Finding, message_of
@@ -32,6 +33,7 @@ class Sensing(Value):
         tolerance: standard deviation of the real surface from the CAD surface [m].
         bias_sd: standard deviation of an error along the approach that all readings share, such as that of the ball's
             radius or of the trigger point [m].
+        shared_errors: further errors that readings share; see :mod:`tanteo.sensors.error_states`.
 
     Example:
         >>> tanteo.Sensing(sd=3e-4).sd  # the readings' own noise, 0.3 mm
@@ -45,6 +47,7 @@ class Sensing(Value):
     rig: Rig | None = None
     tolerance: float = 0.0
     bias_sd: float | None = None
+    shared_errors: tuple[ErrorState, ...] = ()
 
     def __post_init__(self) -> None:
         check_length("tolerance", self.tolerance)
@@ -63,7 +66,8 @@ class Sensing(Value):
         """
         return measure(
             readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd,
-            bias_sd=self.bias_sd, rig=self.rig, beam_half_angle=beam_half_angle,
+            bias_sd=self.bias_sd, shared_errors=self.shared_errors, rig=self.rig,
+            beam_half_angle=beam_half_angle,
         )  # fmt: skip
 
     def touches(self, readings: Readings, probe: Probe | None = None) -> tuple[ContactPoints, FreeRays]:

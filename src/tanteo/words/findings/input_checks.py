@@ -236,3 +236,27 @@ class OffsetQuestion(Finding):
     offset: float
     touched: bool
     given: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ScaleQuestion(Finding):
+    """The readings fit if the object is larger or smaller than the part by a factor.
+
+    Attributes:
+        part: name of the part that fits then.
+        fitting: number of readings that fit.
+        count: number of readings that were tried.
+        scale: size of the object over that of the part.
+        sd: standard deviation of the scale.
+        given: number of all readings, where only some were tried; otherwise 0.
+    """
+
+    kind: ClassVar[str] = "scale"
+    role: ClassVar[Role] = "question"
+    subject: ClassVar[str] = "the scale of the readings"
+    part: str
+    fitting: int
+    count: int
+    scale: float
+    sd: float
+    given: int = 0

@@ -105,13 +105,13 @@ def _(one: f.MirrorQuestion) -> Words:
     return f"The mirror image of {one.part} fits all readings ({percent(one.probability)}).", HANDED
 
 
-def _fitting(one: f.Convention | f.OffsetQuestion) -> str:
+def _fitting(one: f.Convention | f.OffsetQuestion | f.ScaleQuestion) -> str:
     n, fits = one.count, one.fitting
     some = ("The reading fits" if n == 1 else f"All {n} readings fit") if n == fits else f"{fits} of {n} readings fit"
     return f"{some} {one.part}"
 
 
-def _tried(one: f.Convention | f.OffsetQuestion) -> str:
+def _tried(one: f.Convention | f.OffsetQuestion | f.ScaleQuestion) -> str:
     return f" ({one.count} of the {readings(one.given)} were tried.)" if one.given else ""
 
 
@@ -140,6 +140,10 @@ _CONVENTIONS = {
         "the directions (dx, dy, dz) are reversed",
         "They have to point into the material, along the beam or the motion of the tip.",
     ),
+    "directions_wrong": (
+        "the directions (dx, dy, dz or --direction) are omitted, which contradict them",
+        "Check them, or omit them.",
+    ),
     "normals_reversed": (
         "the normals (nx, ny, nz) are reversed",
         "The normals have to point out of the material.",
@@ -163,8 +167,20 @@ def _(one: f.Convention) -> Words:
 def _(one: f.OffsetQuestion) -> Words:
     where = "farther from" if one.offset > 0 else "nearer to"
     what = "tip" if one.touched else "sensor"
-    check = "Check radius_mm (a radius, not a diameter) and the trigger point" if one.touched else "Check its zero"
+    size = f"{1e3 * abs(one.offset):.2g}mm"
+    check = "Check its zero" if not one.touched else "Check radius_mm (a radius, not a diameter) and the trigger point"
+    stock = f" If the surface carries stock, state it (--stock {size})." if one.touched and one.offset > 0 else ""
     return (
         f"{_fitting(one)} if the surface is {1e3 * abs(one.offset):.2g} mm {where} the {what} than "
         f"measured.{_tried(one)}"
-    ), f"{check}, or state the offset as an error that all readings share (--bias-sd)."
+    ), f"{check}.{stock} Otherwise state the offset by direction (--bias-sd xy={size},z={size})."
+
+
+@words_of.register
+def _(one: f.ScaleQuestion) -> Words:
+    digits = max(4, -math.floor(math.log10(one.sd)))
+    text = f"{_fitting(one)} at a scale of {one.scale:.{digits}f} +- {one.sd:.1g}.{_tried(one)}"
+    return text, (
+        "Check units, steps per millimetre, shrinkage and temperature (11.5 ppm/K of steel), or state the scale "
+        f"(--scale-sd {abs(one.scale - 1):.1g})."
+    )

@@ -1,0 +1,411 @@
+"""Define the errors that readings share as states: each has a prior and a column of derivatives for each reading.
+
+The true point ``i`` is ``points[i] + sum_k columns_k[i] @ c_k``, where ``c_k`` is normal with mean ``center * sd``
+and standard deviation ``spread * sd``. An error is one class with a name, a unit and its columns; :data:`ERROR_STATES`
+lists the classes for options and records. Nothing else distinguishes errors.
+
+The world frame itself is exact: an error that moves all readings equally is an error of that frame, and no reading
+shows it.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.geometry.limits import LARGEST, check_number
+from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
+from tanteo.sensors.columns import Column
+from tanteo.sensors.noise import body_jacobian
+
+MOST_STATES = 56
+"""Largest number of states of all shared errors. The core has 64 unknowns, of which 7 are the pose and the noise."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensed:
+    """Readings as the errors need them, in the world frame and in the order of their acquisition.
+
+    Attributes:
+        points: sensed points, or origins of free-space rays ``(n, 3)`` [m].
+        aims: directions of beam or approach, else against the normal ``(n, 3)``.
+        hit: mask of the readings that sensed a surface ``(n,)``.
+        directions: directions of free-space rays and beams ``(n, 3)``.
+        groups: value of the column ``group`` of each reading; empty for none.
+        labels: label of each reading; empty for none.
+        T_world_units: poses of the range sensors ``(n, 4, 4)`` [m], for readings of a rig.
+        units: index of the device of each reading ``(n,)``.
+    """
+
+    points: Vectors
+    aims: Column
+    hit: BoolArray
+    directions: Column
+    groups: tuple[str, ...]
+    labels: tuple[str, ...]
+    T_world_units: Column
+    units: IntArray
+
+    def aimed(self) -> Vectors:
+        """Return the directions of the readings that sensed a surface; zero for others ``(n, 3)``."""
+        return self.aims.only(self.hit).filled(0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """Effect of one error on all readings.
+
+    Attributes:
+        points: derivative of points, and of origins of free-space rays, by the states ``(n, 3, d)``.
+        names: description of each state ``(d,)``.
+        turns: derivative of the directions of free-space rays ``(n, 3, d)``; None for zero.
+        covs: remaining independent covariance of each point ``(n, 3, 3)`` [m^2]; None for zero.
+    """
+
+    points: FloatArray
+    names: tuple[str, ...]
+    turns: FloatArray | None = None
+    covs: Covariances | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorState(ABC):
+    """Error that readings share, with the standard deviation of its prior.
+
+    Attributes:
+        sd: standard deviation of each state, in the unit of the class.
+    """
+
+    sd: float
+    name: ClassVar[str]
+    unit: ClassVar[str] = "m"
+    along_aim: ClassVar[bool] = False
+    """Whether the error acts along the approach; readings without one then have it as independent noise."""
+    center: ClassVar[float] = 0.0
+    """Mean of each state over ``sd``."""
+    spread: ClassVar[float] = 1.0
+    """Standard deviation of each state about its mean, over ``sd``."""
+
+    def __post_init__(self) -> None:
+        check_number(self.name, self.sd, self.unit)
+        if not 0 < self.sd <= LARGEST:
+            raise InputError(
+                f"{self.name}: expected a standard deviation above 0 and up to {LARGEST:g} {self.unit}, got "
+                f"{self.sd:g}. Check its unit."
+            )
+
+    @abstractmethod
+    def columns(self, sensed: Sensed) -> Columns:
+        """Return the derivative of each reading by the states.
+
+        Args:
+            sensed: the readings.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Offset(ErrorState):
+    """One offset along all approaches [m]: of the ball's radius, the trigger point or the zero."""
+
+    name: ClassVar[str] = "offset"
+    along_aim: ClassVar[bool] = True
+
+    def columns(self, sensed: Sensed) -> Columns:
+        """Return the approach directions.
+
+        Args:
+            sensed: the readings.
+        """
+        return Columns(sensed.aimed()[..., None], ("offset of all readings along the approach",))
+
+
+@dataclass(frozen=True, slots=True)
+class OffsetByAxes(ErrorState):
+    """Offset of approaches along some axes of the world [m], such as of a probe that triggers later in x and y.
+
+    A slanted approach has each offset in the measure in which it runs along its axes.
+
+    Attributes:
+        axes: the axes, such as ``xy``.
+    """
+
+    axes: str = "xyz"
+    name: ClassVar[str] = "offset by axes"
+    along_aim: ClassVar[bool] = True
+
+    def columns(self, sensed: Sensed) -> Columns:
+        """Return the components of the approach directions along the axes.
+
+        Args:
+            sensed: the readings.
+        """
+        kept = np.array([axis in self.axes for axis in "xyz"])
+        names = (f"offset of approaches along {self.axes}",)
+        return Columns((sensed.aimed() * kept)[..., None], names)
+
+
+@dataclass(frozen=True, slots=True)
+class Backlash(ErrorState):
+    """Backlash of each machine axis [m]: an axis stands off by it in the direction in which it moved last."""
+
+    name: ClassVar[str] = "backlash"
+    along_aim: ClassVar[bool] = True
+
+    def columns(self, sensed: Sensed) -> Columns:
+        """Return the sign of the motion of each axis, for axes that move.
+
+        Args:
+            sensed: the readings.
+        """
+        moved = sensed.aimed()
+        sign = np.where(np.abs(moved) > 1e-3, np.sign(moved), 0.0)
+        return Columns(sign[:, :, None] * np.eye(3), tuple(f"backlash of {axis}" for axis in "xyz"))
+
+
+@dataclass(frozen=True, slots=True)
+class Lobes(ErrorState):
+    """Offset that varies with the heading of the approach about z [m], as that of a probe with three contacts.
+
+    The states are the cosines and sines of two and three times the heading. Those of the heading itself would move all
+    readings equally.
+    """
+
+    name: ClassVar[str] = "lobes"
+    along_aim: ClassVar[bool] = True
+
+    def columns(self, sensed: Sensed) -> Columns:
+        """Return the harmonics, along the approach.
+
+        Args:
+            sensed: the readings.
+        """
+        aims = sensed.aimed()
+        heading, level = np.arctan2(aims[:, 1], aims[:, 0]), np.linalg.norm(aims[:, :2], axis=1)
+        waves = [wave(k * heading) for k in (2, 3) for wave in (np.cos, np.sin)]
+        names = tuple(f"{wave} of {k} lobes" for k in (2, 3) for wave in ("cosine", "sine"))
+        return Columns(aims[:, :, None] * (level * np.array(waves)).T[:, None, :], names)
+
+
+@dataclass(frozen=True, slots=True)
+class OffsetByGroup(ErrorState):
+    """Offset along the approach of each value of the column ``group`` [m]: a scan line, a speed, a tool, a pass."""
+
+    name: ClassVar[str] = "offset by group"
+    along_aim: ClassVar[bool] = True
+
+    def columns(self, sensed: Sensed) -> Columns:
+        """Return the approach directions of each group.
+
+        Args:
+            sensed: the readings.
+
+        Raises:
+            InputError: no reading has a group.
+        """
+        named = list(dict.fromkeys(name for name, hit in zip(sensed.groups, sensed.hit, strict=True) if name and hit))
+        if not named:
+            raise InputError("offset by group: expected a column group (or line), got none. Add it, or omit the error.")
+        members = np.array([[group == name for name in named] for group in sensed.groups], dtype=np.float64)
+        return Columns(sensed.aimed()[:, :, None] * members[:, None, :], tuple(f"offset of group {n}" for n in named))
+
+
+@dataclass(frozen=True, slots=True)
+class Scale(ErrorState):
+    """Error of all lengths about the world's origin [1]: thermal expansion, shrinkage, steps per millimetre."""
+
+    name: ClassVar[str] = "scale"
+    unit: ClassVar[str] = "1"
+
+    def columns(self, sensed: Sensed) -> Columns:
+        """Return the points.
+
+        Args:
+            sensed: the readings.
+        """
+        return Columns(sensed.points[..., None], ("world scale",))
+
+
+@dataclass(frozen=True, slots=True)
+class Drift(ErrorState):
+    """Drift of the device over the run [m], in proportion to the order of the readings; the first one has none."""
+
+    name: ClassVar[str] = "drift"
+
+    def columns(self, sensed: Sensed) -> Columns:
+        """Return the part of the run that has passed, for each axis of the world.
+
+        Args:
+            sensed: the readings.
+        """
+        passed = np.linspace(0.0, 1.0, len(sensed.points))
+        return Columns(passed[:, None, None] * np.eye(3), tuple(f"drift along {axis}" for axis in "xyz"))
+
+
+@dataclass(frozen=True, slots=True)
+class TriggerDrift(ErrorState):
+    """Drift of the trigger point over the run [m], along each approach."""
+
+    name: ClassVar[str] = "trigger drift"
+    along_aim: ClassVar[bool] = True
+
+    def columns(self, sensed: Sensed) -> Columns:
+        """Return the part of the run that has passed, along the approach.
+
+        Args:
+            sensed: the readings.
+        """
+        passed = np.linspace(0.0, 1.0, len(sensed.points))
+        return Columns(passed[:, None, None] * sensed.aimed()[..., None], ("drift of the trigger point",))
+
+
+@dataclass(frozen=True, slots=True)
+class Form(ErrorState):
+    """Smooth deviation of the part from its CAD [m]: bending, warp, shrinkage.
+
+    A normal random field of displacements with covariance ``sd^2 exp(-d^2 / (2 length^2))`` in each axis. Its leading
+    components at the readings are states, and the remainder is independent noise.
+
+    Attributes:
+        length: correlation length [m]; None for half of the extent of the points.
+    """
+
+    length: float | None = None
+    name: ClassVar[str] = "form"
+
+    _MOST: ClassVar[int] = 8
+    """Numerical: most components of the field in one axis; with the default length these are 99 % of the variance."""
+
+    def columns(self, sensed: Sensed) -> Columns:
+        """Return the leading components of the field at the readings, in each axis.
+
+        Args:
+            sensed: the readings.
+        """
+        n, hit = len(sensed.points), np.flatnonzero(sensed.hit)
+        at = sensed.points[hit]
+        if not len(at):
+            return Columns(np.zeros((n, 3, 0)), ())
+        extent = float(np.linalg.norm(np.ptp(at, axis=0)))
+        length = self.length or max(0.5 * extent, 1e-6)
+        some = at[:: max(1, len(at) // 200)]
+        values, vectors = np.linalg.eigh(_smooth(some, some, length))
+        count = min(self._MOST, int(np.count_nonzero(values > 1e-9 * values[-1])))
+        values, vectors = values[::-1][:count], vectors[:, ::-1][:, :count]
+        field_at = _smooth(at, some, length) @ vectors / np.sqrt(values)  # Nystroem, exact where all points are used
+        points = np.zeros((n, 3, 3 * count))
+        points[hit] = np.einsum("nk,ij->nikj", field_at, np.eye(3)).reshape(len(at), 3, 3 * count)
+        rest = np.zeros(n)
+        rest[hit] = np.maximum(1 - np.sum(field_at**2, axis=1), 0)
+        names = tuple(f"form, component {k + 1} along {axis}" for k in range(count) for axis in "xyz")
+        return Columns(points, names, covs=self.sd**2 * rest[:, None, None] * np.eye(3))
+
+
+def _smooth(a: Vectors, b: Vectors, length: float) -> FloatArray:
+    """Return the correlation of a smooth field at points ``a`` and ``b``."""
+    squares = np.sum((a[:, None] - b[None]) ** 2, axis=-1)
+    return np.asarray(np.exp(-0.5 * squares / length**2))
+
+
+@dataclass(frozen=True, slots=True)
+class Fan(ErrorState):
+    """Error of the beams' angles of each range sensor [rad]: three turns about its origin, and its opening."""
+
+    name: ClassVar[str] = "fan"
+    unit: ClassVar[str] = "rad"
+
+    def columns(self, sensed: Sensed) -> Columns:
+        """Return the displacement of points and ray directions by each angle.
+
+        Args:
+            sensed: the readings.
+
+        Raises:
+            InputError: there are no ranges of a rig.
+        """
+        n, given = len(sensed.points), sensed.T_world_units.given
+        if not given.any():
+            raise InputError("fan: expected ranges of a sensor on a rig, got none. Omit the error, or give the rig.")
+        Ts = sensed.T_world_units.filled(0.0)
+        points, turns, names = [], [], []
+        for unit in np.unique(sensed.units[given]):
+            rows = np.flatnonzero(given & (sensed.units == unit))
+            rays = rows[~sensed.hit[rows]]
+            J, W = np.zeros((n, 3, 4)), np.zeros((n, 3, 4))
+            axes = Ts[rows][:, :3, :3]
+            own = np.einsum("nij,ni->nj", axes, sensed.directions[rows])
+            middle = own.mean(axis=0) / np.linalg.norm(own.mean(axis=0))
+            outward = own - (own @ middle)[:, None] * middle
+            widest = float(np.linalg.norm(outward, axis=1).max())
+            J[rows, :, :3] = body_jacobian(Ts[rows], sensed.points[rows])[..., 3:]
+            if widest > 1e-6:
+                beyond = np.einsum("nij,nj->ni", axes, outward / widest)
+                reach = np.linalg.norm(sensed.points[rows] - Ts[rows][:, :3, 3], axis=1)
+                J[rows, :, 3] = reach[:, None] * beyond
+                W[rows, :, 3] = beyond
+            ahead = sensed.points[rays] + sensed.directions[rays]
+            W[rays, :, :3] = body_jacobian(Ts[rays], ahead)[..., 3:] - J[rays, :, :3]
+            W[rows[sensed.hit[rows]]] = 0.0
+            J[rays, :, 3] = 0.0
+            points.append(J)
+            turns.append(W)
+            names += [*(f"turn of the beams about {axis}" for axis in "xyz"), "opening of the beams"]
+        return Columns(np.concatenate(points, axis=2), tuple(names), np.concatenate(turns, axis=2))
+
+
+@dataclass(frozen=True, slots=True)
+class Stock(ErrorState):
+    """Material left on the CAD surface [m]: each face has its own amount, from none to about the stated one and more.
+
+    Readings belong to one face if they have one label, or if their approaches are within 20 degrees of each other. The
+    prior of each amount is normal with half the stated amount as mean and as standard deviation, so that none and the
+    stated amount are one standard deviation from it.
+
+    Attributes:
+        uniform: whether all faces have the same amount.
+    """
+
+    uniform: bool = False
+    name: ClassVar[str] = "stock"
+    along_aim: ClassVar[bool] = True
+    center: ClassVar[float] = 0.5
+    spread: ClassVar[float] = 0.5
+    _SAME_FACE: ClassVar[float] = math.cos(math.radians(20))
+    """Numerical: cosine between approaches to one face; people and programs approach a face along its normal."""
+
+    def columns(self, sensed: Sensed) -> Columns:
+        """Return the approach directions of each face.
+
+        Args:
+            sensed: the readings.
+        """
+        aims = sensed.aimed()
+        numbers, names = self._faces(sensed, aims)
+        members = (numbers[:, None] == np.arange(len(names))[None]).astype(np.float64)
+        return Columns(aims[:, :, None] * members[:, None, :], names)
+
+    def _faces(self, sensed: Sensed, aims: Vectors) -> tuple[IntArray, tuple[str, ...]]:
+        """Return the number of the face of each reading, -1 without an approach, and a name for each face."""
+        numbers, keys = np.full(len(aims), -1), list[tuple[str, Vectors]]()
+        if self.uniform:
+            return np.where(aims.any(axis=1), 0, -1), ("stock",)
+        for k in np.flatnonzero(aims.any(axis=1)):
+            label = sensed.labels[k]
+            same = [m for m, (text, aim) in enumerate(keys)
+                    if (text == label if label or text else float(aim @ aims[k]) > self._SAME_FACE)]  # fmt: skip
+            if not same:
+                keys.append((label, aims[k]))
+            numbers[k] = same[0] if same else len(keys) - 1
+        names = tuple(f"stock on the face approached along ({', '.join(f'{v:.2f}' for v in aim)})" for _, aim in keys)
+        return numbers, names
+
+
+ERROR_STATES: dict[str, type[ErrorState]] = {
+    one.name: one
+    for one in (Offset, OffsetByAxes, Backlash, Lobes, OffsetByGroup, Scale, Drift, TriggerDrift, Form, Fan, Stock)
+}
+"""Errors by name."""

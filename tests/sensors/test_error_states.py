@@ -1,0 +1,184 @@
+"""Errors that readings share as states: derivatives, priors, and the covariance of the pose under them."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import tanteo
+from bare_scenes import beams, box_centred_pose, inside, nees
+from tanteo.errors import InputError
+from tanteo.geometry import SE3, SO3
+from tanteo.posterior import prepare
+from tanteo.sensors import Rig, RigSensor, measure
+from tanteo.sensors.error_states import (
+    ERROR_STATES,
+    Backlash,
+    Drift,
+    Fan,
+    Form,
+    Lobes,
+    Offset,
+    OffsetByAxes,
+    OffsetByGroup,
+    Scale,
+    Stock,
+    TriggerDrift,
+)
+
+SD = 1e-4
+ALL = (
+    Offset(3e-4), OffsetByAxes(3e-4, "xy"), Backlash(3e-4), Lobes(2e-4), OffsetByGroup(3e-4), Scale(1e-3),
+    Drift(3e-4), TriggerDrift(3e-4), Form(3e-4), Stock(3e-3),
+)  # fmt: skip
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+@pytest.fixture(scope="module")
+def block():
+    size = np.array([0.09, 0.07, 0.05])
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * size
+    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    triangles = [(a, b, c) for a, b, c, _ in sides] + [(a, c, d) for a, _, c, d in sides]
+    return prepare(tanteo.part_from_mesh(corners, triangles, unit="m", name="block"))
+
+
+def readings_of(rng, n=12):
+    directions = rng.normal(size=(n, 3))
+    return tanteo.Readings.from_columns(
+        points=0.3 * rng.normal(size=(n, 3)), directions=directions, groups=[f"line {k % 3}" for k in range(n)],
+        sds=np.full(n, SD),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("error", ALL, ids=lambda one: one.name)
+def test_points_move_by_the_mean_of_an_error(rng, error):
+    readings = readings_of(rng)
+    measured = measure(readings, shared_errors=(error,))
+    (J,) = measured.jacobians
+    mean = np.full(J.shape[2], error.center * error.sd)
+    np.testing.assert_allclose(measured.points, readings.points.values + J @ mean, atol=1e-12)
+    np.testing.assert_allclose(np.diag(measured.shared[0].covariance), (error.spread * error.sd) ** 2)
+
+
+def test_every_error_has_a_name_of_its_own():
+    assert all(cls.name == name for name, cls in ERROR_STATES.items())
+    assert {type(one).name for one in ALL} | {"fan"} == set(ERROR_STATES)
+
+
+def test_an_offset_acts_along_each_approach(rng):
+    readings = readings_of(rng)
+    (J,) = measure(readings, bias_sd=1e-4).jacobians
+    np.testing.assert_allclose(J[..., 0], readings.directions.values)
+
+
+def test_offsets_of_all_axes_are_one_offset(rng):
+    readings = readings_of(rng)
+    (whole,) = measure(readings, shared_errors=(Offset(1e-4),)).jacobians
+    xy, z = measure(readings, shared_errors=(OffsetByAxes(1e-4, "xy"), OffsetByAxes(1e-4, "z"))).jacobians
+    np.testing.assert_allclose(xy + z, whole)
+
+
+def test_a_scale_moves_points_from_the_origin(rng):
+    readings = readings_of(rng)
+    (J,) = measure(readings, shared_errors=(Scale(1e-4),)).jacobians
+    np.testing.assert_allclose(J[..., 0], readings.points.values)
+
+
+def test_a_form_error_has_its_sd_at_every_point(rng):
+    readings = readings_of(rng, n=40)
+    plain, measured = measure(readings), measure(readings, shared_errors=(Form(3e-4, length=0.2),))
+    J = measured.jacobians[0]
+    variance = 9e-8 * np.sum(J**2, axis=2) + np.diagonal(measured.covs - plain.covs, axis1=1, axis2=2)
+    np.testing.assert_allclose(variance, 9e-8, rtol=1e-6)
+
+
+def test_a_fan_turns_points_about_its_sensor(rng):
+    T = SE3.from_parts(SO3.exp(rng.normal(size=3)), rng.normal(size=3))
+    rig = Rig((RigSensor("eye", np.eye(4), None, 1e-3, 0.01, 1.0, 0.0, np.zeros((6, 6))),))
+    readings = tanteo.Readings.from_columns(n=1, Ts_world_hand=T[None], ranges=np.array([0.5]), sensors=["eye"])
+    measured = measure(readings, rig=rig, shared_errors=(Fan(0.005),))
+    turned = SE3.apply(T @ SE3.from_parts(SO3.exp(np.array([1e-6, 0, 0])), np.zeros(3)), np.array([0, 0, 0.5]))
+    np.testing.assert_allclose(measured.jacobians[0][0, :, 0], (turned - measured.points[0]) / 1e-6, atol=1e-6)
+
+
+def test_stock_is_by_face():
+    directions = np.array([[0, 0, -1], [0, 0.05, -1], [0, 0, 1], [1, 0, 0], [1, 0.1, 0]])
+    readings = tanteo.Readings.from_columns(points=np.zeros((5, 3)), directions=directions, sds=np.full(5, SD))
+    by_face, uniform = (measure(readings, shared_errors=(Stock(3e-3, u),)) for u in (False, True))
+    assert by_face.jacobians[0].shape[2] == 3
+    assert uniform.jacobians[0].shape[2] == 1
+
+
+def test_readings_without_approach_have_an_offset_as_noise():
+    readings = tanteo.Readings.from_columns(points=np.zeros((1, 3)), sds=np.full(1, SD))
+    measured = measure(readings, shared_errors=(OffsetByAxes(3e-4, "z"),))
+    np.testing.assert_allclose(measured.covs[0], (SD**2 + 9e-8) * np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [(OffsetByGroup(1e-4), "expected a column group"), (Fan(0.01), "expected ranges of a sensor")],
+    ids=("group", "fan"),
+)
+def test_an_error_without_its_readings_is_refused(error, words):
+    readings = tanteo.Readings.from_columns(points=np.zeros((1, 3)), sds=np.full(1, SD))
+    with pytest.raises(InputError, match=words):
+        measure(readings, shared_errors=(error,))
+
+
+def test_more_groups_than_states_are_refused(rng):
+    readings = tanteo.Readings.from_columns(
+        points=rng.normal(size=(80, 3)), directions=rng.normal(size=(80, 3)), groups=list(map(str, range(80))),
+        sds=np.full(80, SD),
+    )  # fmt: skip
+    with pytest.raises(InputError, match="at most 56 states, got 80 of offset by group"):
+        measure(readings, shared_errors=(OffsetByGroup(1e-4),))
+
+
+@pytest.mark.parametrize("sd", [0.0, -1e-4, math.nan, math.inf])
+def test_an_error_without_a_size_is_refused(sd):
+    with pytest.raises(InputError, match="scale: expected a standard deviation above 0"):
+        Scale(sd)
+
+
+@pytest.mark.parametrize(
+    "error", [OffsetByAxes(3e-4, "xy"), Backlash(3e-4), Scale(1e-3), Drift(3e-4), Form(3e-4)], ids=lambda one: one.name
+)
+def test_the_truth_is_inside_the_region_under_an_error(block, error):
+    target, covered, total, scenes = block, 0, 0.0, 16
+    for k in range(scenes):
+        rng = np.random.default_rng((7, k))
+        T = box_centred_pose(rng, 0.3)
+        p, d = beams(target, 16, rng, tilt=0.05)
+        points, directions = SE3.apply(T, p), d @ T[:3, :3].T
+        sds = np.full(len(p), SD)
+        exact = tanteo.Readings.from_columns(points=points, directions=directions, sds=sds)
+        (J,) = measure(exact, shared_errors=(error,)).jacobians
+        moved = points - J @ (error.sd * rng.normal(size=J.shape[2])) + SD * rng.normal(size=p.shape)
+        readings = tanteo.Readings.from_columns(points=moved, directions=directions, sds=sds)
+        best = tanteo.locate(readings, target, shared_errors=(error,), conventions=False).hypotheses[0]
+        value, dof = nees(target.part, best.T_world_part, best.covariance, T)
+        covered, total = covered + inside(value, dof), total + value
+    assert covered >= scenes - 3  # P(more than 3 of 16 outside) < 1 % at 95 %
+    assert total < chi2.ppf(0.999, 6 * scenes)
+
+
+def test_an_unstated_offset_by_direction_is_not_covered(block):
+    target, outside = block, 0
+    for k in range(6):
+        rng = np.random.default_rng((8, k))
+        p, d = beams(target, 16, rng, tilt=0.0)
+        keep = np.abs(d[:, 2]) < 0.5
+        keep |= d[:, 2] < -0.5  # four sides and the top
+        moved = p[keep] - d[keep] * (2e-3, 2e-3, 0) + 1e-5 * rng.normal(size=(int(keep.sum()), 3))
+        readings = tanteo.Readings.from_columns(points=moved, directions=d[keep], sds=np.full(len(moved), 1e-5))
+        best = tanteo.locate(readings, target, bias_sd=2e-3, conventions=False).hypotheses[0]
+        value, dof = nees(target.part, best.T_world_part, best.covariance, np.eye(4))
+        outside += not inside(value, dof)
+    assert outside >= 4
