@@ -2,9 +2,10 @@
 
 The parts are random workpieces and random machined parts (``tests/machined_parts.py``), some with a mirror image or a
 near twin; no benchmark measures any of these parts. Two catalogues of twenty have no part in common; each scene uses
-one
-of them. Printed are the most probable weights, and how well a fit to the first half of the scenes does on the second.
-``--keep FILE`` and ``--processes N`` are for long runs (``campaign.py``).
+one of them. ``--photographs FOLDER`` adds photographs that Mitsuba renders (``photographs.py``) and keeps them there; a
+second number is their number of each kind. Every scene counts a second time as if its part were not in the catalogue.
+Printed are the most probable weights, and how well a fit to the first half of the scenes does on the second. ``--keep
+FILE`` and ``--processes N`` are for long runs (``campaign.py``).
 """
 
 from __future__ import annotations
@@ -21,21 +22,21 @@ from scipy.special import logsumexp
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+import photographs
 from campaign import options, run_cases
 
 from machined_parts import mixed_parts
 from tanteo.geometry import SE3
 from tanteo.posterior import OnTable, Priors, sized
 from tanteo.vision import find_edges, prepare_vision
-from tanteo.vision.candidates import candidates_in, own_edges
-from tanteo.vision.edges import map_edges
-from tanteo.vision.image_edges import Weights
+from tanteo.vision.candidates import candidates_in, with_unknown
+from tanteo.vision.edges import chance_hits, map_edges
+from tanteo.vision.image_edges import ImageEdges, Weights
 from tanteo.vision.posterior import searched, sums_at
-from tanteo.vision.regions import find_regions, silhouette
-from tanteo.vision.settings import EVIDENCE
-from tanteo.vision.sight import area_of, image_of_region
+from tanteo.vision.regions import bare_table, find_regions, hulls, silhouette
+from tanteo.vision.sight import area_of
 from tanteo.vision.table import TableErrors
-from vision_scenes import random_shot, stated_table
+from vision_scenes import in_camera, random_shot, stated_table
 
 CATALOGUES, SEED, FIRST = (7001, 7002), 7100, 21
 """Seeds of the parts and of the scenes, and the first scene; no test or benchmark uses them."""
@@ -46,7 +47,7 @@ HIDDEN = (0.0, 0.2, 0.3, 0.3, 0.4)
 UNKNOWN_SHARE = 0.25
 """Share of scenes whose part is not in the catalogue; their weight is reduced to the prior."""
 
-BEFOREHAND = np.array([1.0, 1.0, 1.0, 3.0, 1.0])
+BEFOREHAND = np.array([1.0, 1.0, 1.0, 30.0])
 """Standard deviations of the weights about zero beforehand: what no scene shows has no weight without end."""
 
 UNKNOWN = Priors().unknown
@@ -81,50 +82,72 @@ def near(model, T, truth):
     return bool(np.linalg.norm(gaps, axis=-1).max(axis=-1).min() < NEAR * model.part.diagonal)
 
 
-def view(shot, model):
-    """Pose of the part in the camera, edges of the picture, and the region that shows it; None where none does."""
-    truth = SE3.inverse(shot.camera.T_world_camera) @ shot.T_world_part
-    points = find_edges(shot.image)
-    there = silhouette(model.frame.surface, shot.camera, truth)
-    regions = find_regions(shot.image, points)
-    return truth, map_edges(points), max(regions, key=lambda r: (r.mask & there).sum(), default=None)
-
-
 def weighed(k):
-    """Return the sums of the maxima of a scene, the right ones, and the stretches of edge; None if unseen."""
+    """Return the sums of the maxima of a rendered scene; None if the part is unseen."""
     models, shot, other, T_world_table = scene(k)
-    truth, edges, region = view(shot, other or shot.model)
+    return sums_of_image(
+        models, shot.image, shot.camera, T_world_table, other or shot.model, other is None, in_camera(shot)
+    )
+
+
+def weighed_photograph(kind, k, folder):
+    """Return the sums of the maxima of a photograph (``benchmarks/photographs.py``); None if the part is unseen."""
+    pixels, camera, model, known, T = photographs.shot(kind, k, photographs.FIT_SEED, folder)
+    models, _ = photographs.models()
+    truth = SE3.inverse(camera.T_world_camera) @ T
+    return sums_of_image(models, pixels, camera, np.eye(4), model, known, truth)
+
+
+def sums_of_image(models, pixels, camera, T_world_table, model, known, truth):
+    """Return the sums of the maxima, their parts, which are right, and the rare edges that an unknown object has."""
+    points = find_edges(pixels)
+    chance, there = chance_hits(points), silhouette(model.frame.surface, camera, truth)
+    regions, errors = find_regions(pixels, points, chance), TableErrors()
+    region = max(regions, key=lambda r: (r.mask & there).sum(), default=None)
     if region is None:
         return None
-    camera, errors = shot.camera, TableErrors()
     T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
-    seen = image_of_region(camera, edges, region, Weights())
-    found = candidates_in(models, seen, T_camera_table, region, errors)
+    seen = ImageEdges(camera, map_edges(points), chance)
+    _, found = candidates_in(models, seen, T_camera_table, region, bare_table(hulls(regions)), errors)
     lying = OnTable(T_world_table, errors.height, errors.tilt, area_of(region, camera, T_camera_table))
     priors = sized(Priors(), max(0.5 * c.model.part.diagonal for c in found))
     poses = [(c.model.part, camera.T_world_camera @ c.T_camera_part) for c in found]
     (seen,), _, searches = searched((seen,), poses, priors, lying)
-    rows, right = [], []
+    rows, right, own = [], [], []
     for c, search in zip(found, searches, strict=True):
         peaks = search.peaks
         if not len(peaks):
             continue
         (sums,) = sums_at((seen,), search)
         rest = np.array([lying.log_probability(c.model.part, T) for T in peaks.Ts])
-        columns = sums.hits, sums.misses, sums.spilled / EVIDENCE.stretch**2, rest
-        rows += np.stack(columns, axis=1).tolist()
+        rows += np.stack([sums.hits, sums.misses, rest], axis=1).tolist()
         T_camera_world = SE3.inverse(camera.T_world_camera)
-        right += [c.model is shot.model and near(c.model, T_camera_world @ T, truth) for T in peaks.Ts]
-    stretches = float(own_edges(region, edges).sum()) / EVIDENCE.stretch
-    known = other is None
-    return {"rows": rows, "right": right, "stretches": stretches, "unknown": not known, "parts": len(models)}
+        right += [c.model is model and near(c.model, T_camera_world @ T, truth) for T in peaks.Ts]
+        own += [c.model is model] * len(peaks)
+    unit = replace(seen, weights=Weights(unknown=1.0, base=0.0))
+    information = [
+        with_unknown(unit, region, some).log_unknown for some in (found, [c for c in found if c.model is not model])
+    ]
+    return {
+        "rows": rows, "right": right, "own": own, "information": information, "unknown": not known,
+        "parts": len(models),
+    }  # fmt: skip
+
+
+def without_the_part(scene):
+    """Return a scene as if its part were not in the catalogue."""
+    rest = ~np.array(scene["own"], dtype=bool)
+    return scene | {
+        "rows": scene["rows"][rest], "right": scene["right"][rest], "unknown": True, "parts": scene["parts"] - 1,
+        "information": scene["information"][1:],
+    }  # fmt: skip
 
 
 def log_posterior(scene, theta):
     """Log probabilities of the maxima and of none."""
-    rows, hits, misses, unknown, base, spilled = scene["rows"], *theta
-    log = rows[:, :3] @ np.array([hits, misses, spilled]) + rows[:, 3]
-    none = np.log(UNKNOWN) + unknown * scene["stretches"] + base
+    rows, hits, misses, unknown, base = scene["rows"], *theta
+    log = rows[:, :2] @ np.array([hits, misses]) + rows[:, 2]
+    none = np.log(UNKNOWN) + unknown * scene["information"][0] + base
     log = log + np.log((1 - UNKNOWN) / scene["parts"])
     total = logsumexp(np.r_[log, none])
     return log - total, none - total
@@ -151,10 +174,11 @@ def fitted(scenes, start):
     return minimize(cost, start, method="Nelder-Mead", options={"maxiter": 4000, "maxfev": 4000}).x
 
 
-def fit_weights(cases, keep, processes):
+def fit_weights(scenes):
     """Print the weights, and what they are worth on scenes that they were not fitted to."""
-    scenes = [s for s in run_cases(weighed, cases, keep, processes) if s and s["rows"]]
+    scenes = [s for s in scenes if s and s["rows"]]
     scenes = [s | {"rows": np.array(s["rows"]), "right": np.array(s["right"], dtype=bool)} for s in scenes]
+    scenes = [one for s in scenes for one in (s, without_the_part(s)) if s["own"] and len(one["rows"])]
     first, second = scenes[: len(scenes) // 2], scenes[len(scenes) // 2 :]
     start = np.array([getattr(Weights(), f.name) for f in fields(Weights)])
     whole, half = fitted(scenes, start), fitted(first, start)
@@ -176,8 +200,19 @@ def fit_weights(cases, keep, processes):
 
 def main():
     arguments, keep, processes = options(sys.argv[1:])
+    folder = None
+    if "--photographs" in arguments:
+        k = arguments.index("--photographs")
+        folder, arguments = arguments[k + 1], arguments[:k] + arguments[k + 2 :]
     count = int(arguments[0]) if arguments else 150
-    fit_weights([(k,) for k in range(FIRST, FIRST + count)], keep, processes)
+    scenes = run_cases(weighed, [(k,) for k in range(FIRST, FIRST + count)], keep, processes)
+    if folder is not None:
+        each = int(arguments[1]) if len(arguments) > 1 else count // 3
+        cases = [(kind, k, folder) for k in range(each) for kind in photographs.KINDS.split(",")]
+        scenes += run_cases(
+            weighed_photograph, cases, None if keep is None else keep.with_suffix(".photographs"), processes
+        )
+    fit_weights(scenes[::2] + scenes[1::2])
 
 
 if __name__ == "__main__":

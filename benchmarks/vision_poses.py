@@ -22,11 +22,12 @@ from tanteo.posterior import OnTable
 from tanteo.vision import find_edges
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.camera import USUAL_EDGE_SD, project
-from tanteo.vision.edges import map_edges
-from tanteo.vision.image_edges import Weights
+from tanteo.vision.candidates import with_unknown
+from tanteo.vision.edges import chance_hits, map_edges
+from tanteo.vision.image_edges import ImageEdges
 from tanteo.vision.posterior import infer
 from tanteo.vision.regions import find_regions, silhouette
-from tanteo.vision.sight import area_of, image_of_region
+from tanteo.vision.sight import area_of
 from tanteo.vision.table import TableErrors
 from vision import models_of, pose_errors
 from vision_scenes import in_camera, random_shot, stated_table
@@ -76,9 +77,10 @@ def pose(image, hidden, noise, wrong, stated):
     truth, errors = in_camera(shot), TableErrors()
     there = silhouette(model.frame.surface, camera, truth)
     region = max(find_regions(shot.image, points), key=lambda region: (region.mask & there).sum())
-    seen = image_of_region(camera, map_edges(points), region, Weights())
+    seen = with_unknown(ImageEdges(camera, map_edges(points), chance_hits(points)), region, [])
     lying = OnTable(table, errors.height, errors.tilt, area_of(region, camera, T_camera_table))
-    answer = hypothesis(infer(seen, [(model, truth[None])], 1, lying=lying).modes[0], seen, lying=True)
+    found = infer((seen,), [(model, (camera.T_world_camera @ truth)[None])], 1, lying=lying)
+    answer = hypothesis(found.modes[0], (seen,), lying=True)
     return None if answer.unobserved else pose_errors(model, answer, shot.T_world_part)
 
 

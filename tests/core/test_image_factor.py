@@ -7,17 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from silhouettes import spilled
 from tanteo import _core
 from tanteo.catalogue import known_stable_poses
 from tanteo.factors import ContactPoints, FreeRays
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
 from tanteo.posterior import OnTable, Priors, Problem, prepare
-from tanteo.vision.candidates import own_edges
+from tanteo.vision.edges import chance_hits
 from tanteo.vision.fit import meet
-from tanteo.vision.image_edges import ImageEdges, Sums, Weights, chance_hits
-from tanteo.vision.regions import bare_table, find_regions
+from tanteo.vision.image_edges import ImageEdges, Sums, Weights
 from tanteo.vision.settings import EDGES, EVIDENCE
 from tanteo.vision.wireframe import see_edges
 from vision_scenes import PARTS, bracket, seen_alone
@@ -27,13 +25,12 @@ WEIGHTS = Weights()
 
 @pytest.fixture(scope="module")
 def scene():
-    """A bracket on a table: model, camera with errors, edges, region, factor, and the pose in the camera."""
+    """A bracket on a table: model, camera with errors, edges, factor, and the pose in the camera."""
     model = bracket()
-    camera, image, edges, T = seen_alone(model, 0.6)
-    region = find_regions(image, edges.points)[0]
+    camera, _, edges, T = seen_alone(model, 0.6)
     camera = replace(camera, covariance=np.diag(np.r_[np.full(3, 1e-4), np.full(3, 2e-4)] ** 2))
-    chance = np.array([chance_hits(edges.points, own_edges(region, edges))])
-    return model, camera, edges, region, ImageEdges(camera, edges, chance, bare_table(region.mask)), T
+    chance = chance_hits(edges.points)
+    return model, camera, edges, ImageEdges(camera, edges, chance), T
 
 
 def summed(factor, model, Ts):
@@ -115,10 +112,9 @@ def where_edges_are(groups, edge_hits, sds, commons):
 
 
 def test_the_density_is_that_of_plain_numpy(scene):
-    model, camera, edges, region, factor, T = scene
+    model, camera, edges, factor, T = scene
     frame, points = model.frame, edges.points
     assert not frame.bends.any()
-    c = factor.chance[0] / (2 * EVIDENCE.reach)
     shift = np.sqrt(0.5) * camera.edge_sd
     misplaced = (0.01**2 + (0.25 * points.drifts) ** 2) / 2
     sds, commons = np.sqrt(points.sds**2 + 0.01**2 + misplaced), np.sqrt(misplaced + shift**2)
@@ -131,6 +127,7 @@ def test_the_density_is_that_of_plain_numpy(scene):
     for pose in Ts:
         edge_hits = meet(frame, camera, edges, pose, EVIDENCE.reach, see_edges(frame, from_grid(pose)))
         q = np.where(edge_hits.seen.rims, 0.85, 0.65)
+        c = factor.chance[edge_hits.points] / (2 * EVIDENCE.reach)
         hit = np.log(q * (0.7 * normal(edge_hits.offsets, 0.15) + 0.3 * normal(edge_hits.offsets, 0.8)) / c + 1 - q)
         own, missed = foremost(frame.groups, edge_hits), edge_hits.inside & ~edge_hits.hits
         expected.append((
@@ -142,9 +139,7 @@ def test_the_density_is_that_of_plain_numpy(scene):
     np.testing.assert_allclose(sums.hits, hits, rtol=1e-5)  # chances are single precision
     np.testing.assert_allclose(sums.misses, misses, rtol=1e-9)
     np.testing.assert_allclose(sums.located, located, rtol=1e-6)
-    area = spilled(frame.surface, camera, Ts, region.mask)
-    np.testing.assert_allclose(sums.spilled, area, atol=144)  # by places of the surface: within a square stretch
-    there = WEIGHTS.hits * sums.hits + WEIGHTS.misses * sums.misses + WEIGHTS.spilled * sums.spilled / 144
+    there = WEIGHTS.hits * sums.hits + WEIGHTS.misses * sums.misses
     np.testing.assert_allclose(sums.there, there, rtol=1e-12)
     np.testing.assert_allclose(sums.log, there + located, rtol=1e-6)
     alone = factor.sums(model, Ts)
@@ -152,7 +147,7 @@ def test_the_density_is_that_of_plain_numpy(scene):
 
 
 def test_a_constant_is_taken_about_each_pose(scene):
-    model, camera, _, _, factor, T = scene
+    model, camera, _, factor, T = scene
     near_it, far = T @ SE3.exp(np.r_[1e-4, 0, 0, 0, 0, 0]), T @ SE3.exp(np.r_[0, 0, 0, 0, 0, 1.0])
     about = np.ascontiguousarray(camera.T_world_camera @ np.stack([T, far]))
     levelled = replace(factor, levels={model.part: (about, np.array([3.0, -2.0]))})
@@ -162,7 +157,7 @@ def test_a_constant_is_taken_about_each_pose(scene):
 
 def test_its_slope_is_that_of_differences(scene):
     """Within the noise of edge points: the slope ignores that lengths and directions of edges follow the pose."""
-    model, camera, _, _, factor, T = scene
+    model, camera, _, factor, T = scene
     term, c = factor.term(model.part, 2), model.part.centroid
     off = np.array([2e-4, -1e-4, 3e-4, 1e-3, 0.0, -1e-3])
     Ts = np.ascontiguousarray((camera.T_world_camera @ T @ SE3.exp(off))[None])
@@ -193,7 +188,7 @@ def test_its_slope_is_that_of_differences(scene):
 
 def test_a_motion_of_the_camera_is_one_of_the_part(scene):
     """A camera moved by its errors gives the same image as a part moved back."""
-    model, camera, edges, _, factor, T = scene
+    model, camera, edges, factor, T = scene
     term = factor.term(model.part, 0)
     z = np.random.default_rng(3).normal(size=6)
     world = np.ascontiguousarray((camera.T_world_camera @ T)[None])
@@ -207,7 +202,7 @@ def test_a_motion_of_the_camera_is_one_of_the_part(scene):
 
 
 def test_terms_are_added_to_the_log_density(scene):
-    model, camera, _, _, factor, T = scene
+    model, camera, _, factor, T = scene
     lying = OnTable(np.eye(4), 2e-4, 2e-3, 1e-2)
     prepared, poses = prepare(model.part), np.ascontiguousarray((camera.T_world_camera @ T)[None])
     problem = Problem(ContactPoints.none(), FreeRays.none(), Priors(radius=0.1), pose_factors=(factor, lying))
@@ -268,17 +263,16 @@ def test_the_slope_of_stable_poses_is_that_of_differences():
 
 
 def test_what_cannot_be_meant_is_refused(scene):
-    model, camera, edges, _, factor, _ = scene
+    model, camera, edges, factor, _ = scene
     points = edges.points
     right = [
         camera.numbers, camera.T_world_camera, np.eye(6), 0.1, edges.nearest, points.pixels, points.sds, points.sds,
-        points.widths, np.array([0.1], dtype=np.float32), np.zeros((0, 0), dtype=bool),
+        points.widths, np.array([0.1], dtype=np.float32),
     ]  # fmt: skip
     assert _core.make_edge_image(*right).states == 8
     wrong = {
         0: np.zeros(3), 1: np.eye(3), 2: np.eye(5), 3: -1.0, 4: edges.nearest[0], 5: points.pixels[:, :1],
         6: 0 * points.sds, 7: points.sds[1:], 8: points.widths[1:], 9: np.zeros(1, dtype=np.float32),
-        10: np.zeros((3, 3), dtype=bool),
     }  # fmt: skip
     for k, value in wrong.items():
         with pytest.raises(ValueError, match="expected"):

@@ -11,13 +11,13 @@ from scipy.stats import chi2
 from tanteo.geometry import SE3
 from tanteo.posterior import OnTable
 from tanteo.vision.answers import hypothesis
-from tanteo.vision.candidates import poses_beside
-from tanteo.vision.edges import map_edges
+from tanteo.vision.candidates import poses_beside, with_unknown
+from tanteo.vision.edges import chance_hits, map_edges
 from tanteo.vision.fit import beside, pixel_length, refine
-from tanteo.vision.image_edges import Weights
+from tanteo.vision.image_edges import ImageEdges
 from tanteo.vision.posterior import infer
 from tanteo.vision.regions import find_regions
-from tanteo.vision.sight import area_of, image_of_region
+from tanteo.vision.sight import area_of
 from tanteo.vision.table import TableErrors
 from vision_scenes import bracket, seen_alone
 
@@ -53,7 +53,7 @@ def factor_of(model, camera, image, edges):
     T_camera_table = SE3.inverse(camera.T_world_camera)
     errors = TableErrors()
     lying = OnTable(np.eye(4), errors.height, errors.tilt, area_of(region, camera, T_camera_table))
-    return region, image_of_region(camera, edges, region, Weights()), lying
+    return region, with_unknown(ImageEdges(camera, edges, chance_hits(edges.points)), region, []), lying
 
 
 def test_a_pose_that_is_one_of_two_is_reported_with_both(scene):
@@ -63,7 +63,8 @@ def test_a_pose_that_is_one_of_two_is_reported_with_both(scene):
     edges, way = with_copies(camera, points, T, T_camera_table, length, 1.0)
     _, seen, lying = factor_of(model, camera, image, edges)
     Ts = np.stack([T, SE3.from_parts(np.eye(3), way) @ T])
-    answers = [hypothesis(mode, seen, lying=True) for mode in infer(seen, [(model, Ts)], 1, lying=lying).modes]
+    found = infer((seen,), [(model, camera.T_world_camera @ Ts)], 1, lying=lying)
+    answers = [hypothesis(mode, (seen,), lying=True) for mode in found.modes]
     assert sum(h.probability for h in answers) > 0.9
     middle = [SE3.apply(SE3.inverse(camera.T_world_camera) @ h.T_world_part, model.part.centroid) for h in answers]
     off = [np.linalg.norm(m - SE3.apply(T, model.part.centroid)) / length for m in middle]

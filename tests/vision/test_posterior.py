@@ -18,7 +18,7 @@ from tanteo.vision.answers import hypothesis
 from tanteo.vision.camera import project
 from tanteo.vision.edges import map_edges
 from tanteo.vision.fit import meet
-from tanteo.vision.image_edges import ImageEdges, Weights
+from tanteo.vision.image_edges import ImageEdges, Weights, standing
 from tanteo.vision.posterior import infer, searched
 from tanteo.vision.settings import EVIDENCE
 from tanteo.vision.table import TableErrors
@@ -39,7 +39,8 @@ def seen():
 def answer(model, camera, edges, T, lying=LYING):
     """Return the best answer of an image, from one pose."""
     image = ImageEdges(camera, edges, np.array([0.05]))
-    return hypothesis(infer(image, [(model, T[None])], 1, lying=lying).modes[0], image, lying=lying is not None)
+    found = infer((image,), [(model, (standing(camera) @ T)[None])], 1, lying=lying)
+    return hypothesis(found.modes[0], (image,), lying=lying is not None)
 
 
 def squared_error(found, truth):
@@ -115,8 +116,8 @@ def test_a_pose_that_is_off_comes_back(seen):
 def test_the_table_counts_as_three_equations(seen):
     model, camera, points, T = seen
     image = ImageEdges(camera, map_edges(points), np.array([0.05]))
-    mode = infer(image, [(model, T[None])], 1, lying=LYING).modes[0]
-    alone, lying = (hypothesis(mode, image, lying=lies) for lies in (False, True))
+    mode = infer((image,), [(model, (standing(camera) @ T)[None])], 1, lying=LYING).modes[0]
+    alone, lying = (hypothesis(mode, (image,), lying=lies) for lies in (False, True))
     assert lying.dof == alone.dof + 3
     middle = SE3.apply(T, model.part.centroid)
     pixels = project(camera, middle + np.array([alone.rms, 0.0, 0.0])) - project(camera, middle)
@@ -130,7 +131,8 @@ def test_probabilities_weigh_parts_and_the_unknown_object(seen):
     base = ImageEdges(camera, map_edges(points), np.array([0.05]))
     log = float(base.sums(model, T[None]).there[0])
     image = replace(base, log_unknown=log)
-    found = infer(image, [(model, T[None]), (other, T[None])], 10, lying=LYING)
+    start = (standing(camera) @ T)[None]
+    found = infer((image,), [(model, start), (other, start)], 10, lying=LYING)
     first, second = found.modes
     assert first.probability == pytest.approx(second.probability, rel=0.05)
     best = image.sums_at(model.part, first.T_peak[None], first.z[None]).there[0]
@@ -146,9 +148,9 @@ def test_without_edges_of_the_part_nothing_is_known(seen):
     model, camera, points, T = seen
     none = map_edges(points, np.zeros(len(points), dtype=bool))
     image = ImageEdges(camera, none, np.array([0.05]), weights=Weights())
-    found = infer(image, [(model, T[None])], 1, lying=LYING)
+    found = infer((image,), [(model, (standing(camera) @ T)[None])], 1, lying=LYING)
     assert not found.modes or found.unknown > 0.0
-    assert infer(image, [(model, np.zeros((0, 4, 4)))], 1).unknown == 1.0
+    assert infer((image,), [(model, np.zeros((0, 4, 4)))], 1).unknown == 1.0
 
 
 def scene(part):

@@ -66,7 +66,9 @@ def test_the_share_on_bare_table_is_about_that_of_the_silhouette(model, seen):
 def test_a_first_pose_is_next_to_truth_and_costs_what_it_should(model, seen):
     camera, edges, region, T = seen
     table, distances = SE3.inverse(camera.T_world_camera), small_distances(edges)
-    proposal = propose(model, np.arange(len(model.rests)), camera, table, distances, slides(region, camera))
+    proposal = propose(
+        model, np.arange(len(model.rests)), camera, table, distances, slides(region, camera, bare_table(region.mask))
+    )
     turn = np.linalg.norm(SE3.log(SE3.inverse(proposal.T_camera_part) @ T)[:, 3:], axis=1)
     middle = project(camera, SE3.apply(T, model.part.centroid))
     off = np.abs(project(camera, SE3.apply(proposal.T_camera_part, model.part.centroid)) - middle).max(axis=-1)

@@ -338,15 +338,11 @@ def make_edge_image(
     commons: FloatArray,
     widths: FloatArray,
     chance: NDArray[np.float32],
-    bare: Flags,
 ) -> EdgeImage: ...
 def make_edge_part(
     frame: EdgeFrame,
     groups: AnyInts,
     bends: FloatArray,
-    cover: FloatArray,
-    cover_normals: FloatArray,
-    cover_area: float,
     marks: FloatArray,
 ) -> EdgePart: ...
 def image_edges(

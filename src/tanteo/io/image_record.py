@@ -14,8 +14,8 @@ from tanteo.planning.execution import prior_poses
 from tanteo.planning.start import Start
 from tanteo.posterior import Alternatives, OnTable, PreparedPart
 from tanteo.vision import Camera
-from tanteo.vision.edges import EdgePoints, map_edges
-from tanteo.vision.image_edges import ImageEdges, Weights, chance_map
+from tanteo.vision.edges import EdgePoints, chance_hits, map_edges
+from tanteo.vision.image_edges import ImageEdges, Weights
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,8 +40,8 @@ class ImageTable:
     Attributes:
         camera: camera of the image.
         points: edge points of the image.
-        chance: probability of an edge point by chance; empty if it is computed again for windows of the image.
-        bare: lengths of runs of pixels, row by row, alternately without and with bare table; None without any.
+        chance: probability of a random edge like each edge point, if it is one for all; empty if it is computed again
+            from the edge points.
         weights: weights of the image factor.
         log_unknown: log density of the image if the object is unknown.
         poses: constants of the poses by part.
@@ -50,7 +50,6 @@ class ImageTable:
     camera: Camera
     points: EdgePoints
     chance: FloatArray
-    bare: IntArray | None
     weights: Weights
     log_unknown: float
     poses: tuple[PoseConstants, ...]
@@ -67,7 +66,7 @@ class ImageTable:
         chance = np.asarray(image.chance).ravel()
         return cls(
             image.camera, image.edges.points, chance if chance.size == 1 else np.zeros(0),
-            None if image.bare is None else _runs(image.bare), image.weights, float(image.log_unknown),
+            image.weights, float(image.log_unknown),
             tuple(PoseConstants(index[part], *known) for part, known in (image.levels or {}).items() if part in index),
         )  # fmt: skip
 
@@ -78,19 +77,14 @@ class ImageTable:
             targets: parts of the session, in order.
 
         Raises:
-            InputError: an index of a part or a number of pixels is invalid.
+            InputError: an index of a part is invalid.
         """
         if any(not 0 <= one.part < len(targets) for one in self.poses):
             raise InputError(f"poses, part: expected indices of {len(targets)} parts. Correct them.")
-        rows, columns = self.points.shape
-        if self.bare is not None and int(self.bare.sum()) != rows * columns:
-            raise InputError(f"bare: expected runs of {rows * columns} pixels, got {int(self.bare.sum())}.")
-        edges = map_edges(self.points)
         levels = {targets[one.part].part: (one.Ts, one.constants) for one in self.poses}
         return ImageEdges(
-            self.camera, edges, self.chance if len(self.chance) else chance_map(edges),
-            None if self.bare is None else _from_runs(self.bare).reshape(rows, columns), self.weights,
-            self.log_unknown, {part: Ts for part, (Ts, _) in levels.items()}, levels,
+            self.camera, map_edges(self.points), self.chance if len(self.chance) else chance_hits(self.points),
+            self.weights, self.log_unknown, {part: Ts for part, (Ts, _) in levels.items()}, levels,
         )  # fmt: skip
 
 
@@ -171,15 +165,3 @@ class SeenTable:
         own = slice(self.suggested, None)
         poses = prior_poses(targets, part[own], Ts[own], covariances[own], w[own])
         return (Alternatives((out, (poses,)), self.log_weights, self.log_unknown),)
-
-
-def _runs(mask: np.ndarray) -> IntArray:
-    """Return the lengths of the runs of equal values in a mask, beginning with false."""
-    flat = np.r_[False, np.asarray(mask, dtype=bool).ravel()]
-    ends = np.r_[np.flatnonzero(flat[1:] != flat[:-1]), len(flat) - 1]
-    return np.asarray(np.diff(np.r_[0, ends]), dtype=np.int64)
-
-
-def _from_runs(runs: IntArray) -> np.ndarray:
-    """Return the flat mask with given lengths of runs, beginning with false."""
-    return np.repeat(np.arange(len(runs)) % 2 == 1, runs)

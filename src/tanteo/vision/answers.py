@@ -13,7 +13,7 @@ from tanteo.parts import Surface
 from tanteo.posterior import DEFAULTS, Answer, Hypothesis, Misfit, Mode, Status, mode_covariances, verdict
 from tanteo.posterior.answers import hypothesis_at
 from tanteo.posterior.fit_at_mode import goodness_of_fit
-from tanteo.vision.image_edges import ImageEdges, standing
+from tanteo.vision.image_edges import ImageEdges, standing, sums_of
 from tanteo.vision.models import VisionModel
 from tanteo.vision.posterior import ImagePosterior
 from tanteo.vision.settings import EVIDENCE
@@ -44,24 +44,25 @@ class ImageMode:
     probability: float
 
 
-def hypothesis(mode: Mode, image: ImageEdges, *, lying: bool = False) -> Hypothesis:
+def hypothesis(mode: Mode, images: Sequence[ImageEdges], *, lying: bool = False) -> Hypothesis:
     """Return the hypothesis of a mode: pose and covariance in the world, free directions, fit of the edges.
 
     A part on a table has three more equations.
 
     Args:
         mode: mode of the engine's posterior.
-        image: the edges of the image.
+        images: the edges of the images, all of them.
         lying: whether the part lies on a table.
     """
     part = mode.prepared.part
-    sums = image.sums_at(part, mode.T_peak[None], mode.z[None])
-    dof = max(round(float(sums.freedom[0])) - (3 if lying else 6), 1)
-    chi2 = float(sums.chi2[0])
+    every = sums_of(images, part, mode.T_peak[None], mode.z[None])
+    dof = max(round(sum(float(sums.freedom[0]) for sums in every)) - (3 if lying else 6), 1)
+    chi2 = sum(float(sums.chi2[0]) for sums in every)
     fit = goodness_of_fit(mode)
-    T_camera_part = SE3.inverse(standing(image.camera)) @ mode.T_world_part
-    distance = float(SE3.apply(T_camera_part, part.centroid)[2])
-    off = float(np.sqrt(sums.squares[0] / max(float(sums.matched[0]), 1.0)))
+    middle = SE3.apply(mode.T_world_part, part.centroid)
+    pixels = [SE3.apply(SE3.inverse(standing(one.camera)), middle)[2] / one.camera.focal.mean() for one in images]
+    squares = sum(float(sums.squares[0]) * pixel**2 for sums, pixel in zip(every, pixels, strict=True))
+    matched = sum(float(sums.matched[0]) for sums in every)
     return hypothesis_at(
         part,
         mode.T_world_part,
@@ -69,7 +70,7 @@ def hypothesis(mode: Mode, image: ImageEdges, *, lying: bool = False) -> Hypothe
         free=fit.free,
         probability=mode.probability,
         misfit=Misfit(0.0, chi2, dof),
-        rms=off * distance / float(image.camera.focal.mean()),
+        rms=float(np.sqrt(squares / max(matched, 1.0))),
     )
 
 

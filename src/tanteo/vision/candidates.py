@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,13 +11,12 @@ from tanteo import _core
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.posterior import DEFAULTS
-from tanteo.vision.camera import opencv
-from tanteo.vision.edges import EdgeMap
+from tanteo.vision.edges import map_edges
 from tanteo.vision.fit import beside, pixel_length, refine
-from tanteo.vision.image_edges import ImageEdges
+from tanteo.vision.image_edges import ImageEdges, edge_information
 from tanteo.vision.models import VisionModel, lay
 from tanteo.vision.propose import propose, slides, small_distances
-from tanteo.vision.regions import Region
+from tanteo.vision.regions import Region, dilated, silhouette
 from tanteo.vision.settings import EVIDENCE, SEARCH
 from tanteo.vision.table import TableErrors, lying_information
 from tanteo.vision.wireframe import in_camera
@@ -40,34 +39,29 @@ class PoseCandidates:
     log: FloatArray
 
 
-def own_edges(region: Region, edges: EdgeMap) -> BoolArray:
-    """Return which edge points are in a region or at its border ``(n,)``."""
-    mask = opencv().dilate(region.mask.astype(np.uint8), np.ones((5, 5), np.uint8))
-    at = np.rint(edges.points.pixels).astype(np.int64)
-    return np.asarray(mask[at[:, 1].clip(0, mask.shape[0] - 1), at[:, 0].clip(0, mask.shape[1] - 1)] > 0)
-
-
 def candidates_in(
     models: Sequence[VisionModel],
     image: ImageEdges,
     T_camera_table: Transforms,
     region: Region,
+    bare: BoolArray,
     table: TableErrors,
     ways: Sequence[IntArray] = (),
-) -> list[PoseCandidates]:
-    """Return refined poses of every part in a region.
+) -> tuple[ImageEdges, list[PoseCandidates]]:
+    """Return the edges with the log density of an unknown object, and refined poses of every part in a region.
 
     Args:
         models: parts.
         image: edges of the image in the region.
         T_camera_table: frame of the table ``(4, 4)``.
         region: region of the object.
+        bare: pixels of bare table ``(rows, columns)``.
         table: errors of the table, those of the camera's pose included.
         ways: numbers of the stable poses of each part that are tried; all of them if not given.
     """
     camera, edges = image.camera, image.edges
     ways = ways or [np.arange(len(model.rests)) for model in models]
-    proposals = _first_poses(models, ways, image, T_camera_table, region, table)
+    proposals = _first_poses(models, ways, image, T_camera_table, region, bare, table)
     scores = np.concatenate([score for _, _, score in proposals])
     least = max(np.sort(scores)[-3 * SEARCH.kept :][0], -1e9) if len(scores) else 0.0
     out = []
@@ -81,8 +75,28 @@ def candidates_in(
         found = refine(model.frame, camera, edges, start, prior=prior, reaches=SEARCH.last_reaches)
         log = image.sums(model, found).there + _log_priors(model, rests[keep])
         out.append(PoseCandidates(model, found, rests[keep], log))
-    best = max((float(c.log.max()) for c in out), default=0.0)
-    return [_with_beside(c, image, T_camera_table, table, best) for c in out]
+    image = with_unknown(image, region, out)
+    # poses far less probable than an unknown object do not count
+    best = max(image.log_unknown, *(float(c.log.max()) for c in out)) if out else 0.0
+    return image, [_with_beside(c, image, T_camera_table, table, best) for c in out]
+
+
+def with_unknown(image: ImageEdges, region: Region, found: Sequence[PoseCandidates]) -> ImageEdges:
+    """Return the edges of an image with the log density of an unknown object in the place of the best candidate.
+
+    An unknown object has those edges under the best candidate that are rare on the table.
+
+    Args:
+        image: edges of the image.
+        region: region of the object, which is its place without a candidate.
+        found: candidates.
+    """
+    mask = region.mask
+    if any(len(one.log) for one in found):
+        best = max(found, key=lambda one: float(one.log.max(initial=-np.inf)))
+        mask = silhouette(best.model.frame.surface, image.camera, best.T_camera_part[int(np.argmax(best.log))])
+    information = edge_information(image.edges.points, image.chance, dilated(mask))
+    return replace(image, log_unknown=image.weights.unknown * information + image.weights.base)
 
 
 def _first_poses(
@@ -91,11 +105,13 @@ def _first_poses(
     image: ImageEdges,
     T_camera_table: Transforms,
     region: Region,
+    bare: BoolArray,
     table: TableErrors,
 ) -> list[tuple[Transforms, IntArray, FloatArray]]:
     """Return poses, stable poses and log densities of each part after a few rounds; of equal poses the best counts."""
     camera, edges = image.camera, image.edges
-    distances, places = small_distances(edges), slides(region, camera)
+    rare = map_edges(edges.points, np.broadcast_to(image.chance, len(edges.points)) < EVIDENCE.rare)
+    distances, places = small_distances(rare), slides(region, camera, bare)
     out = []
     for model, own in zip(models, ways, strict=True):
         proposal = propose(model, own, camera, T_camera_table, distances, places)

@@ -15,7 +15,7 @@ from tanteo.errors import InputError
 from tanteo.geometry import freeze
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
 from tanteo.vision.camera import opencv
-from tanteo.vision.settings import EDGES, EVIDENCE
+from tanteo.vision.settings import EDGES, EVIDENCE, SPACING
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +31,8 @@ class EdgePoints:
             zero for a lone straight step, large near another edge, a corner or a bend [px].
         contrasts: gradients in standard deviations of their noise ``(n,)``.
         widths: standard deviations of the Gaussian that blurs each step, smoothing included ``(n,)`` [px].
-        noise: standard deviation of one pixel of the image [grey levels].
+        noise: standard deviation of one pixel of the image by independent noise with the same effect as noise and
+            texture [grey levels].
         shape: rows and columns of the image.
     """
 
@@ -49,6 +50,19 @@ class EdgePoints:
 
     def __len__(self) -> int:
         return len(self.pixels)
+
+    def inside(self, mask: BoolArray) -> BoolArray:
+        """Return which edge points are on the pixels of a mask ``(rows, columns)``."""
+        x, y = np.rint(self.pixels).astype(np.int64).T
+        return np.asarray(mask[y.clip(0, mask.shape[0] - 1), x.clip(0, mask.shape[1] - 1)])
+
+    def only(self, rows: BoolArray) -> EdgePoints:
+        """Return some of the edge points."""
+        values = (
+            self.pixels[rows], self.normals[rows], self.sds[rows], self.drifts[rows], self.contrasts[rows],
+            self.widths[rows],
+        )  # fmt: skip
+        return EdgePoints(*values, self.noise, self.shape)
 
 
 def check_image(image: FloatArray) -> FloatArray:
@@ -91,10 +105,14 @@ def find_edges(image: FloatArray) -> EdgePoints:
     gx, gy = _gradient(image)
     size = np.hypot(gx, gy)
     noise = image_noise(image)
+    # a tenth of the pixels shows no edge of an object: noise that neighbours share, or texture (Rayleigh's quantile)
+    texture = float(np.quantile(size[3:-3, 3:-3], 0.1)) / float(np.sqrt(-2 * np.log(0.9)) * _SLOPE)
+    strong = max(EDGES.strong * noise, EDGES.weak * texture) * _SLOPE
+    noise = texture if texture > EDGES.textured * noise else noise
     slope_sd, top_sd, bend_sd = noise * _SLOPE, noise * _TOP, noise * _BEND
     least = EDGES.least_step / (np.sqrt(2 * np.pi) * np.hypot(EDGES.smoothing, 0.7))
-    rows, columns = _maxima(gx, gy, size, max(EDGES.weak * slope_sd, least))
-    kept = _lasting(image.shape, rows, columns, size[rows, columns] > max(EDGES.strong * slope_sd, 2 * least))
+    rows, columns = _maxima(gx, gy, size, max(strong / 2, least))
+    kept = _lasting(image.shape, rows, columns, size[rows, columns] > max(strong, 2 * least))
     rows, columns = rows[kept], columns[kept]
     g = size[rows, columns]
     normals = np.stack([gx[rows, columns], gy[rows, columns]], axis=-1) / g[:, None]
@@ -241,3 +259,40 @@ def cell_of(shape: tuple[int, int], pixels: FloatArray) -> tuple[IntArray, IntAr
     column = np.where(inside, x, 0.0)
     row = np.where(inside, y, 0.0)
     return np.rint(row).astype(np.int64), np.rint(column).astype(np.int64), inside
+
+
+def chance_hits(points: EdgePoints) -> FloatArray:
+    """Return the probability that a random place has an edge as strong as each edge point within reach ``(n,)``.
+
+    Edges of texture, noise, shadows and other objects are a Poisson process. Its rate depends on the direction and on
+    the contrast. It is estimated in a window: the number of points of the same direction with at least 0.7 of the
+    contrast (half the energy), for each unit of area. A strong edge on a weak texture is rare, an edge along the grain
+    of the table is not.
+
+    Args:
+        points: edge points of the image.
+    """
+    if not len(points):
+        return np.zeros(0)
+    cell = 2 * EDGES.cell
+    at = (np.maximum(points.pixels, 0.0) / cell).astype(np.int64)
+    size = at.max(axis=0) + 1
+    angle = np.arctan2(points.normals[:, 1], points.normals[:, 0])
+    channel = np.rint(angle / EDGES.direction).astype(np.int64) % EDGES.channels
+    levels = np.quantile(points.contrasts, np.arange(EDGES.channels) / EDGES.channels)
+    level = np.searchsorted(levels, points.contrasts, side="right") - 1
+    counts = np.zeros((len(levels), EDGES.channels, size[1], size[0]), dtype=np.float32)
+    np.add.at(counts, (level, channel, at[:, 1], at[:, 0]), 1.0)
+    stronger = counts[::-1].cumsum(axis=0)[::-1]
+    same = stronger + 0.5 * (np.roll(stronger, 1, axis=1) + np.roll(stronger, -1, axis=1))
+    window = (2 * (EVIDENCE.surroundings // (2 * cell)) + 1,) * 2
+    planes = np.moveaxis(same, (0, 1), (2, 3)).reshape(size[1], size[0], -1)
+    cv2 = opencv()
+    how = {"normalize": False, "borderType": cv2.BORDER_CONSTANT}
+    split = (np.ascontiguousarray(planes[..., k]) for k in range(planes.shape[-1]))
+    sums = np.stack([cv2.boxFilter(plane, -1, window, **how) for plane in split], axis=-1)
+    cells = cv2.boxFilter(np.ones((int(size[1]), int(size[0])), np.float32), -1, window, **how)
+    own = np.searchsorted(levels, np.sqrt(EDGES.weak / EDGES.strong) * points.contrasts, side="right").clip(1) - 1
+    row, column = at[:, 1], at[:, 0]
+    near = sums[row, column, own * EDGES.channels + channel] / (cells[row, column] * cell**2)
+    return np.maximum(-np.expm1(-near * SPACING * 2 * EVIDENCE.reach), EVIDENCE.rarest)

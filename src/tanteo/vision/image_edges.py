@@ -6,7 +6,7 @@ shared errors.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,10 +16,10 @@ from tanteo.factors import PoseFactor
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.vision.camera import Camera, opencv
+from tanteo.vision.camera import Camera
 from tanteo.vision.edges import EdgeMap, EdgePoints
 from tanteo.vision.models import VisionModel, prepare_vision
-from tanteo.vision.settings import EDGES, EVIDENCE
+from tanteo.vision.settings import EDGES, EVIDENCE, SPACING
 
 _NO_LEVELS = np.zeros((0, 4, 4)), np.zeros(0)
 """Definition: no poses and no constants."""
@@ -37,19 +37,17 @@ class Weights:
     Attributes:
         hits: weight of edges of the part that match edges of the image. ``benchmarks/vision_fit.py``.
         misses: weight of edges of the part that match none. ``benchmarks/vision_fit.py``.
-        unknown: log density of an unknown object for each stretch of the image's edges. ``benchmarks/vision_fit.py``.
+        unknown: log density of an unknown object for each nat of its rare edges. ``benchmarks/vision_fit.py``.
         base: log density of an unknown object without edges. ``benchmarks/vision_fit.py``.
-        spilled: weight of each square of a stretch of the silhouette on bare table. ``benchmarks/vision_fit.py``.
     """
 
-    hits: float = 0.409
-    misses: float = 0.103
-    unknown: float = 0.151
-    base: float = 1.065
-    spilled: float = -0.624
+    hits: float = 0.284
+    misses: float = 0.15
+    unknown: float = 0.0189
+    base: float = 6.23
 
     def rules(self, *, located: bool = True) -> FloatArray:
-        """Return all constants of the formula, in the order of ``EdgeRules`` ``(18,)``.
+        """Return all constants of the formula, in the order of ``EdgeRules`` ``(17,)``.
 
         Args:
             located: whether there is a sum of where edges are.
@@ -60,7 +58,7 @@ class Weights:
         )  # twice the motion of points half a diagonal from the middle where two poses are just one
         return np.array([
             e.stretch, e.whole, e.rim_shows, e.crease_shows, e.reach, e.spread, e.displaced, e.displaced_sd,
-            self.hits, self.misses, self.spilled, e.same_place, e.same_direction, e.most_pulled, EDGES.correlation,
+            self.hits, self.misses, e.same_place, e.same_direction, e.most_pulled, EDGES.correlation,
             e.outlying if located else 0.0, near, e.inexact,
         ])  # fmt: skip
 
@@ -72,9 +70,8 @@ class ImageEdges(PoseFactor):
     Attributes:
         camera: camera of the image; without a pose the world is its own frame.
         edges: edge points of the image.
-        chance: probability that a random place has an edge of one direction within reach, one for the region
-            ``(1,)`` or of each direction and pixel ``(channels, rows, columns)``.
-        bare: pixels that show bare table ``(rows, columns)``; None where there is no table.
+        chance: probability that a random place has an edge like an edge point within reach, of each point ``(n,)`` or
+            one for all ``(1,)``; see :func:`tanteo.vision.edges.chance_hits`.
         weights: weights of the sums.
         log_unknown: log density of the image if the object is unknown.
         proposed: poses ``T_world_part`` of each part that the image suggests.
@@ -85,7 +82,6 @@ class ImageEdges(PoseFactor):
     camera: Camera
     edges: EdgeMap
     chance: FloatArray
-    bare: BoolArray | None = None
     weights: Weights = field(default_factory=Weights)
     log_unknown: float = 0.0
     proposed: Mapping[Part, Transforms] = field(default_factory=dict)
@@ -107,7 +103,6 @@ class ImageEdges(PoseFactor):
             camera.numbers, np.ascontiguousarray(standing(camera)), root, shift if shift > EDGES.floor else 0.0,
             self.edges.nearest, points.pixels, own, common, points.widths,
             np.ascontiguousarray(self.chance, dtype=np.float32),
-            np.zeros((0, 0), dtype=np.bool_) if self.bare is None else np.ascontiguousarray(self.bare),
         )  # fmt: skip
         object.__setattr__(self, "image", image)
 
@@ -161,7 +156,6 @@ class Sums:
         there: the term for edges that are there.
         hits: sum over edges of the part that match edges of the image.
         misses: sum over edges of the part that match none.
-        spilled: area of the silhouette on bare table [px^2].
         located: sum of where edges are.
         chi2: chi-square of the offsets of edges that are the part's own.
         freedom: number of independent offsets in it.
@@ -173,7 +167,6 @@ class Sums:
     there: FloatArray
     hits: FloatArray
     misses: FloatArray
-    spilled: FloatArray
     located: FloatArray
     chi2: FloatArray
     freedom: FloatArray
@@ -181,26 +174,26 @@ class Sums:
     matched: FloatArray
 
 
+def sums_of(images: Sequence[ImageEdges], part: Part, Ts: Transforms, zs: FloatArray) -> list[Sums]:
+    """Return the sums of each image at poses ``(k, 4, 4)`` and the shared errors of all images there ``(k, D)``."""
+    out, first = [], 0
+    for image in images:
+        out.append(image.sums_at(part, Ts, np.ascontiguousarray(zs[:, first : first + image.states])))
+        first += image.states
+    return out
+
+
 def standing(camera: Camera) -> Transforms:
     """Return the pose of a camera in the world, which is the frame of the camera if its pose is unknown."""
     return np.eye(4) if camera.T_world_camera is None else camera.T_world_camera
 
 
-def chance_hits(points: EdgePoints, used: BoolArray) -> float:
-    """Return the probability that a random place among these edges has one of the same direction within reach.
+def edge_information(edges: EdgePoints, chance: FloatArray, mask: BoolArray) -> float:
+    """Return the sum of minus the log probability of random edges over all edges in a mask, in stretches [nats].
 
-    Edges of one direction (an eighth of them, if all are as common) cover twice the reach for each pixel of length.
+    Args:
+        edges: edge points of the image.
+        chance: probability of a random edge within reach of each ``(n,)``.
+        mask: pixels ``(rows, columns)``.
     """
-    if used.sum() < 2:
-        return 0.02
-    low, high = points.pixels[used].min(axis=0), points.pixels[used].max(axis=0)
-    area = float(np.prod(high - low + 10.0))
-    density = float(used.sum()) / area * 2 * EVIDENCE.reach * 0.25
-    return float(np.clip(density, 0.02, 0.4))
-
-
-def chance_map(edges: EdgeMap, window: int = 81) -> FloatArray:
-    """Measure, in windows of the image, how common edges of each direction are ``(channels, rows, columns)``."""
-    near = (edges.distances < EVIDENCE.reach).astype(np.float32)
-    shares = np.stack([opencv().blur(near[k], (window, window)) for k in range(EDGES.channels)])
-    return np.clip(shares, 0.02, 0.6)
+    return float(-np.log(chance[edges.inside(mask)]).sum()) * SPACING / EVIDENCE.stretch

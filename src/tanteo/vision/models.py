@@ -24,11 +24,6 @@ def lay(part: Part, rest: StablePose, T_table_part: Transforms) -> Transforms:
     return np.asarray(SE3.from_parts(SO3.axis_rotation(2, yaw), middle) @ rest.T_table_part)
 
 
-COVER = 400
-"""Numerical: places of the surface that integrate the area of the silhouette on bare table. A part of 100 px has a
-place for 25 px^2, a sixth of a square stretch."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class VisionModel:
     """Data of a part for images, computed once from the CAD.
@@ -63,11 +58,8 @@ def prepare_vision(part: Part) -> VisionModel:
 
 
 def _seen(frame: Wireframe, part: Part) -> _core.EdgePart:
-    """Compile the edges of a part, and places of its surface, for the image factor."""
-    cover, normals = spread(part, COVER)
-    return _core.make_edge_part(
-        frame.compiled, frame.groups.astype(np.int32), frame.bends, cover, normals, part.area / COVER, _marks(part)
-    )
+    """Compile the edges of a part for the image factor."""
+    return _core.make_edge_part(frame.compiled, frame.groups.astype(np.int32), frame.bends, _marks(part))
 
 
 def _marks(part: Part) -> Vectors:

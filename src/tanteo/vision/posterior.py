@@ -1,4 +1,4 @@
-"""The posterior of an object of an image, by the engine of ``posterior``.
+"""The posterior of an object of images, by the engine of ``posterior``.
 
 An image proposes poses. The engine maximizes, samples and weights them with the factor of the image. An unknown object
 has edges, too: its log evidence is their log density without a model (``Weights.unknown``, ``Weights.base``). How
@@ -18,7 +18,7 @@ from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
 from tanteo.posterior import Mode, OnTable, PartSearch, Posterior, Priors, Problem, prepare, search_about, sized, weigh
-from tanteo.vision.image_edges import ImageEdges, Sums, standing
+from tanteo.vision.image_edges import ImageEdges, Sums, sums_of
 from tanteo.vision.models import VisionModel
 from tanteo.vision.settings import EVIDENCE
 
@@ -38,7 +38,7 @@ class ImagePosterior:
         count: number of excluded parts.
         log_unknown: log density of the image if the object is unknown.
         log_known: log density of the image if the object is one of the parts.
-        image: the edges of the image with the constants about its poses; None without proposed poses.
+        images: the edges of the images with the constants about their poses; empty without proposed poses.
     """
 
     modes: tuple[Mode, ...] = ()
@@ -47,7 +47,7 @@ class ImagePosterior:
     count: int = 0
     log_unknown: float = 0.0
     log_known: float = -np.inf
-    image: ImageEdges | None = None
+    images: tuple[ImageEdges, ...] = ()
 
 
 def levelled(
@@ -87,7 +87,7 @@ def corrected(
     for part in dict.fromkeys(mode.prepared.part for mode in found.modes):
         own = [mode for mode in found.modes if mode.prepared.part is part]
         Ts, zs = np.stack([mode.T_peak for mode in own]), np.stack([mode.z for mode in own])
-        first, *others = _sums_of(images, part, Ts, zs)
+        first, *others = sums_of(images, part, Ts, zs)
         wanted = _there(part, Ts, first, lying) + sum(sums.there for sums in others)
         at, constants = levels[part]
         constants = np.array(constants)
@@ -178,7 +178,7 @@ def _are_near(part: Part, T: Transforms, other: Transforms) -> bool:
 
 
 def infer(
-    image: ImageEdges,
+    images: Sequence[ImageEdges],
     proposals: Sequence[tuple[VisionModel, Transforms]],
     count: int,
     *,
@@ -186,11 +186,11 @@ def infer(
     log_left_out: Callable[[FloatArray, float], float] = lambda evidence, mislead: -np.inf,
     left_out: int = 0,
 ) -> ImagePosterior:
-    """Return the posterior of the object that an image shows.
+    """Return the posterior of the object that images show.
 
     Args:
-        image: edges of the image; their ``log_unknown`` is that of an unknown object.
-        proposals: candidate parts, with poses ``T_camera_part`` from which maximizations start.
+        images: edges of the images; their ``log_unknown`` is that of an unknown object.
+        proposals: candidate parts, with poses ``T_world_part`` from which maximizations start.
         count: number of all parts.
         lying: prior of the pose on a table; any pose if not given.
         log_left_out: log evidence of the excluded parts, as a function of the log evidence of each candidate, prior
@@ -200,10 +200,8 @@ def infer(
     if not any(len(Ts) for _, Ts in proposals):
         return ImagePosterior(count=left_out)
     priors = sized(Priors(), max(0.5 * model.part.diagonal for model, _ in proposals))
-    T_world_camera = standing(image.camera)
-    poses = [(model.part, T_world_camera @ Ts) for model, Ts in proposals]
-    (image,), problem, searches = searched((image,), poses, priors, lying)
-    unknown = image.log_unknown
+    images, problem, searches = searched(images, [(model.part, Ts) for model, Ts in proposals], priors, lying)
+    unknown = sum(image.log_unknown for image in images)
     known = float(np.log1p(-problem.priors.unknown))
     prior = known - float(np.log(count))
     evidence = np.array([search.log_evidence + prior for search in searches])
@@ -211,22 +209,23 @@ def infer(
         problem, searches, np.full(len(searches), prior), float(np.log(problem.priors.unknown)) + unknown,
         np.random.default_rng(_SEED), log_left_out=log_left_out(evidence, unknown + known),
     )  # fmt: skip
-    modes, log_evidence = _weighed(image, found, lying, prior)
+    modes, log_evidence = _weighed(images, found, lying, prior)
     log_left = float(np.log(found.unsearched)) + found.log_evidence if found.unsearched else -np.inf
     left = float(np.exp(log_left - log_evidence))
     none = float(np.exp(np.log(found.unknown) + found.log_evidence - log_evidence)) if found.unknown else 0.0
     # if none of the poses holds, the object is unknown, or the proposals missed the true pose
     strange = problem.priors.unknown / (problem.priors.unknown + (1 - problem.priors.unknown) * EVIDENCE.missed)
     log_known = float(log_sum([mode.log_mass for mode in modes])) - known
-    (image,) = corrected((image,), found, lying, prior)
-    proposed = {part: at for part, (at, _) in (image.levels or {}).items()}
+    first, *others = corrected(images, found, lying, prior)
+    proposed = {part: at for part, (at, _) in (first.levels or {}).items()}
     return ImagePosterior(
-        modes, strange * (none - left) + left, left, left_out, unknown, log_known, replace(image, proposed=proposed)
+        modes, strange * (none - left) + left, left, left_out, unknown, log_known,
+        (replace(first, proposed=proposed), *others),
     )  # fmt: skip
 
 
 def _weighed(
-    image: ImageEdges, found: Posterior, lying: OnTable | None, prior: float
+    images: Sequence[ImageEdges], found: Posterior, lying: OnTable | None, prior: float
 ) -> tuple[tuple[Mode, ...], float]:
     """Return modes with their probabilities, by the density that edges are there, and the log evidence of the image.
 
@@ -234,7 +233,7 @@ def _weighed(
     from that. So modes count by the density that edges are there, and those near one another count as one.
 
     Args:
-        image: the edges of the image.
+        images: the edges of the images.
         found: the posterior.
         lying: prior of the pose on a table; any pose if not given.
         prior: log prior probability of each part.
@@ -244,8 +243,8 @@ def _weighed(
         rows = [k for k, mode in enumerate(found.modes) if mode.prepared.part is part]
         some = [found.modes[k] for k in rows]
         Ts = np.stack([mode.T_peak for mode in some])
-        sums = image.sums_at(part, Ts, np.stack([mode.z for mode in some]))
-        wanted = _there(part, Ts, sums, lying) + prior
+        first, *others = sums_of(images, part, Ts, np.stack([mode.z for mode in some]))
+        wanted = _there(part, Ts, first, lying) + sum(sums.there for sums in others) + prior
         for members in _near(part, Ts, wanted):
             total = float(log_sum(wanted[members])) - wanted[members[0]]
             masses |= {rows[k]: float(wanted[k] - total) for k in members}
@@ -266,13 +265,4 @@ def _there(part: Part, Ts: Transforms, sums: Sums, lying: OnTable | None) -> Flo
 
 def sums_at(images: Sequence[ImageEdges], search: PartSearch) -> list[Sums]:
     """Return the sums of each image at the maxima of a part."""
-    return _sums_of(images, search.objective.prepared.part, search.peaks.Ts, search.peaks.zs)
-
-
-def _sums_of(images: Sequence[ImageEdges], part: Part, Ts: Transforms, zs: FloatArray) -> list[Sums]:
-    """Return the sums of each image at poses ``(k, 4, 4)`` and the shared errors of all images there ``(k, D)``."""
-    out, first = [], 0
-    for image in images:
-        out.append(image.sums_at(part, Ts, np.ascontiguousarray(zs[:, first : first + image.states])))
-        first += image.states
-    return out
+    return sums_of(images, search.objective.prepared.part, search.peaks.Ts, search.peaks.zs)

@@ -17,7 +17,7 @@ from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera, meet_plane, rays
 from tanteo.vision.edges import EdgeMap
 from tanteo.vision.models import VisionModel
-from tanteo.vision.regions import Region, bare_table
+from tanteo.vision.regions import Region, dilated, hulls
 from tanteo.vision.settings import EDGES, EVIDENCE, SEARCH
 
 
@@ -72,15 +72,24 @@ def _step() -> int:
     return int(EVIDENCE.shortest)
 
 
-def slides(region: Region, camera: Camera) -> Slides:
-    """Return the places of a region to which parts are translated."""
-    x0, x1, y0, y1 = region.box
+def slides(region: Region, camera: Camera, bare: BoolArray) -> Slides:
+    """Return the places of a region to which parts are translated.
+
+    Args:
+        region: region of an object.
+        camera: camera of the image.
+        bare: pixels of bare table ``(rows, columns)``.
+    """
+    # faces that look like the table may be in no region
+    margin = 2 * int(EVIDENCE.stretch)
+    near = dilated(hulls([region]), margin) & ~bare
+    (low, high), (rows, columns) = (np.array(region.box).reshape(2, 2).T), bare.shape
+    (x0, y0), (x1, y1) = np.maximum(low - margin, 0), np.minimum(high + margin, [columns - 1, rows - 1])
     x, y = np.meshgrid(np.arange(x0, x1 + 1, _step()), np.arange(y0, y1 + 1, _step()))
-    on = region.mask[y, x]
+    on = near[y, x]
     pixels = np.stack([x[on], y[on]], axis=-1).astype(np.float64)
     middle = int(np.argmin(np.linalg.norm(pixels - region.centre, axis=1))) if len(pixels) else 0
-    bare = np.pad(bare_table(region.mask)[:: EDGES.cell, :: EDGES.cell], _margin(region.mask.shape))
-    return Slides(pixels, rays(camera, pixels), middle, bare)
+    return Slides(pixels, rays(camera, pixels), middle, np.pad(bare[:: EDGES.cell, :: EDGES.cell], _margin(bare.shape)))
 
 
 def propose(

@@ -1,11 +1,12 @@
 """Regions of an image that differ from the table, and the silhouette of a part at a pose.
 
-Most of the image is assumed to show the table, whose brightness is a smooth function of the place. A region includes
-the shadow of its object, which recognition explains.
+Most of the image is assumed to show the table, whose brightness is a smooth function of the place and a texture. A
+region includes the shadow of its object. Regions propose poses; the evidence is in the edges.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +16,11 @@ from tanteo.geometry import SE3, freeze
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Surface
 from tanteo.vision.camera import Camera, opencv, project
-from tanteo.vision.edges import EdgePoints, check_image, image_noise
+from tanteo.vision.edges import EdgePoints, chance_hits, check_image, image_noise
 from tanteo.vision.settings import EDGES, EVIDENCE, SEARCH
+
+_REJECTED = 3.0
+"""Numerical: residual from which the robust fit of the table rejects a pixel, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,27 +64,40 @@ def table_brightness(image: FloatArray) -> FloatArray:
     beta = np.r_[np.median(target), np.zeros(5)]
     for k in range(SEARCH.rounds):
         off = target - coarse @ beta
-        scale = max(1.4826 * float(np.median(np.abs(off))), 1.0) * (4.0 if k < 4 else 3.0)
+        scale = max(1.4826 * float(np.median(np.abs(off))), 1.0) * (_REJECTED + 1 if k < 4 else _REJECTED)
         weights = np.clip(1 - (off / scale) ** 2, 0.0, None) ** 2
         W = coarse.T * weights
         beta = np.linalg.solve(W @ coarse + 1e-9 * np.eye(6), W @ target)
     return np.asarray(X @ beta)
 
 
-def find_regions(image: FloatArray, edges: EdgePoints) -> tuple[Region, ...]:
+def find_regions(image: FloatArray, edges: EdgePoints, chance: FloatArray | None = None) -> tuple[Region, ...]:
     """Find the regions of objects on the table, largest first.
+
+    A region differs from the table by more than noise and texture, or edges that are rare on the table enclose it.
+    Regions only propose where parts may be.
 
     Args:
         image: grey levels ``(rows, columns)``.
         edges: edge points of the image.
+        chance: probability of a random edge like each edge point ``(n,)``; computed if not given.
     """
     cv2 = opencv()
     image = check_image(image)
-    off = np.abs(cv2.GaussianBlur(image - table_brightness(image), (0, 0), 1.0))
-    differs = (off > max(EDGES.strong * image_noise(image) * 0.3, 2 * EDGES.least_step)).astype(np.uint8)
-    differs = cv2.morphologyEx(differs, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    off = cv2.GaussianBlur(image - table_brightness(image), (0, 0), 1.0)
+    texture = 1.4826 * float(np.median(np.abs(off)))
+    least = max(EDGES.strong * image_noise(image) * 0.3, 2 * EDGES.least_step, _REJECTED * texture)
+    differs = cv2.morphologyEx((np.abs(off) > least).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    rare = edges.pixels[(chance_hits(edges) if chance is None else chance) < EVIDENCE.rare]
+    x, y = np.rint(rare).astype(np.int64).T
+    differs[y.clip(0, image.shape[0] - 1), x.clip(0, image.shape[1] - 1)] = 1
     differs = cv2.morphologyEx(differs, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     outlines, _ = cv2.findContours(differs, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    # lines of edges and of texture are thin
+    filled = np.zeros(image.shape, dtype=np.uint8)
+    cv2.drawContours(filled, [one for one in outlines if cv2.contourArea(one) > 0], -1, 1, thickness=cv2.FILLED)
+    thick = cv2.morphologyEx(filled, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
+    outlines, _ = cv2.findContours(thick, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     regions = [
         _region(image.shape, outline, edges) for outline in outlines if cv2.contourArea(outline) > EVIDENCE.stretch**2
     ]
@@ -148,7 +165,21 @@ def silhouette(surface: Surface, camera: Camera, T_camera_part: Transforms) -> B
     return mask.view(np.bool_)
 
 
+def hulls(regions: Sequence[Region]) -> BoolArray:
+    """Return the pixels in the convex hulls of regions ``(rows, columns)``."""
+    cv2 = opencv()
+    covered = np.zeros(regions[0].mask.shape, dtype=np.uint8)
+    for region in regions:
+        cv2.fillConvexPoly(covered, cv2.convexHull(np.rint(region.contour).astype(np.int32)), 1)
+    return covered.view(np.bool_)
+
+
+def dilated(mask: BoolArray, reach: float = EVIDENCE.reach) -> BoolArray:
+    """Return the pixels within a reach [px] of a mask ``(rows, columns)``; within that of edges if not given."""
+    side = 2 * int(np.ceil(reach)) + 1
+    return np.asarray(opencv().dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
+
+
 def bare_table(mask: BoolArray) -> BoolArray:
     """Return the pixels of bare table ``(rows, columns)``: those farther from a mask than the reach of edges."""
-    side = 2 * int(np.ceil(EVIDENCE.reach)) + 1
-    return np.asarray(opencv().dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)) == 0)
+    return ~dilated(mask)

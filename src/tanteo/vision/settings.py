@@ -35,6 +35,8 @@ class EdgeSettings:
         bias: standard deviation of what moves a whole edge: shading, blur, wear [px].
         lens: standard deviation of the displacement of whole edges after a usual calibration [px]. Decision 43.
         channels: number of directions of edges that are distinguished. Each channel has the edges within one step.
+        textured: standard deviation by the gradients from which an image has texture or shared noise, over that of
+            independent noise. ``benchmarks/photographs.py``.
     """
 
     smoothing: float = 1.2
@@ -46,6 +48,7 @@ class EdgeSettings:
     bias: float = 0.1
     lens: float = 0.15
     channels: int = 8
+    textured: float = 1.5
 
     @property
     def weak(self) -> float:
@@ -115,6 +118,26 @@ class EvidenceSettings:
     def shortest(self) -> float:
         """Length of the shortest edge [px]: half of an observation."""
         return self.stretch / 2
+
+    @property
+    def surroundings(self) -> int:
+        """Side of the window in which the rate of other edges is estimated [px]: two long edges."""
+        return int(2 * self.whole)
+
+    @property
+    def rarest(self) -> float:
+        """Least probability of a random edge within reach: that of a line halfway across the window."""
+        return self.reach / self.surroundings
+
+    @property
+    def rare(self) -> float:
+        """Largest probability of a random edge that encloses a region: that of two lines across the window."""
+        return 4 * self.rarest
+
+    @property
+    def least_object(self) -> float:
+        """Sum of minus the log probability of random edges of an object [nats]: two long edges that are just rare."""
+        return float(-2 * self.whole / self.stretch * np.log(self.rare))
 
     @property
     def same_turn(self) -> float:

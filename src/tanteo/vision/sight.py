@@ -19,15 +19,15 @@ from tanteo.posterior import Answer, OnTable
 from tanteo.values import Value
 from tanteo.vision.answers import ImageMode, Question, deciding_touch, hypothesis, judged, too_many
 from tanteo.vision.camera import Camera, on_plane
-from tanteo.vision.candidates import candidates_in, own_edges
+from tanteo.vision.candidates import candidates_in
 from tanteo.vision.descriptors import Descriptors, describe
-from tanteo.vision.edges import EdgeMap, EdgePoints, find_edges, map_edges
+from tanteo.vision.edges import EdgePoints, chance_hits, find_edges, map_edges
 from tanteo.vision.ellipses import Ellipses, find_ellipses
-from tanteo.vision.image_edges import ImageEdges, Weights, chance_hits, standing
+from tanteo.vision.image_edges import ImageEdges, Weights, edge_information, standing
 from tanteo.vision.models import VisionModel, prepare_vision
 from tanteo.vision.outlines import check_size, narrowed, seen_outline
 from tanteo.vision.posterior import ImagePosterior, infer
-from tanteo.vision.regions import Region, bare_table, find_regions
+from tanteo.vision.regions import Region, bare_table, dilated, find_regions, hulls, silhouette
 from tanteo.vision.rims import name_ellipses
 from tanteo.vision.settings import EDGES, EVIDENCE
 from tanteo.vision.table import TableErrors, seen_table
@@ -156,7 +156,7 @@ def see_table(
         ignore: pixels of known objects ``(rows, columns)``. A region that is mostly theirs is excluded.
 
     Returns:
-        One sighting for each region that differs from the table.
+        One sighting for each object: a recognized part, or a region whose edges neither the table nor parts explain.
 
     Raises:
         InputError: there are no parts, the image has another size, or the pose of the camera is unknown or impossible.
@@ -171,9 +171,11 @@ def see_table(
     check_place(camera, T_camera_table, parts)
     table, weights = table or TableErrors(), weights or Weights()
     points = find_edges(image)
-    edges = map_edges(points)
+    edges, chance = map_edges(points), chance_hits(points)
     objects = []
-    for region in find_regions(image, points):
+    regions = find_regions(image, points, chance)
+    bare = bare_table(hulls(regions)) if regions else np.ones(points.shape, dtype=np.bool_)
+    for region in regions:
         if ignore is not None and (region.mask & ignore).sum() > 0.5 * region.mask.sum():
             continue
         drawn = outline_on_table(camera, region, T_camera_table)
@@ -182,29 +184,73 @@ def see_table(
             objects.append(Sighting(too_many(len(parts)), (), None, region, drawn))
             continue
         models = [prepared(parts[int(row)]) for row in chosen.rows]
-        image_edges = image_of_region(camera, edges, region, weights)
+        image_edges = ImageEdges(camera, edges, chance, weights=weights)
         errors = seen_table(table, camera, T_world_table)
-        found = candidates_in(models, image_edges, T_camera_table, region, errors, chosen.rests)
-        own = {id(c.model): c.T_camera_part for c in found}
+        image_edges, found = candidates_in(models, image_edges, T_camera_table, region, bare, errors, chosen.rests)
+        own = {id(c.model): camera.T_world_camera @ c.T_camera_part for c in found}
         lying = OnTable(T_world_table, table.height, table.tilt, area_of(region, camera, T_camera_table))
         posterior = infer(
-            image_edges,
+            (image_edges,),
             [(model, own.get(id(model), np.zeros((0, 4, 4)))) for model in models],
             len(parts),
             lying=lying,
             log_left_out=chosen.log_left_out,
             left_out=chosen.left_out,
         )
-        seen = _sighting(posterior, image_edges, region, T_world_table, top)
+        seen = sighting(posterior, (image_edges,), region, T_world_table, top)
         names = tuple(dict.fromkeys(part_of(parts[int(row)]).name for row in chosen.similar))
-        factors = () if posterior.image is None else (posterior.image, lying)
+        factors = (*posterior.images, lying) if posterior.images else ()
         seen = replace(seen, factors=factors, log_known=posterior.log_known)
         objects.append(replace(seen, outline=drawn, similar=names))
-    ellipses = find_ellipses(camera, points)
+    objects = separate(objects, camera, points, chance)
+    ellipses = find_ellipses(camera, points.only(points.inside(of_objects(objects, camera))))
     seconds = {"total": time.perf_counter() - start}
     timed = [replace(o, answer=replace(o.answer, elapsed=seconds)) for o in objects]
     named = tuple(with_rims(seen, camera, ellipses) for seen in timed)
     return Sight(named, points, camera.T_world_camera, ellipses=ellipses)
+
+
+def separate(objects: Sequence[Sighting], camera: Camera, points: EdgePoints, chance: FloatArray) -> list[Sighting]:
+    """Return the objects whose edges no better object explains, largest first.
+
+    Shadows, texture and faces of one part may make several regions. The most probable part explains the edges that it
+    covers; a region without enough rare edges of its own is no object.
+
+    Args:
+        objects: one sighting for each region, largest region first.
+        camera: camera of the image.
+        points: edge points of the image.
+        chance: probability of a random edge like each ``(n,)``.
+    """
+    kept: list[tuple[int, Sighting]] = []
+    explained = np.zeros(points.shape, dtype=np.bool_)
+    known = [sum(mode.probability for mode in seen.modes) for seen in objects]
+    for k in sorted(range(len(objects)), key=lambda k: (-known[k], k)):
+        seen = objects[k]
+        assert seen.region is not None
+        covers = seen.region.mask
+        if known[k] > 0.5:
+            covers = silhouette(seen.modes[0].model.frame.surface, camera, seen.modes[0].T_camera_part)
+        information = edge_information(points, chance, dilated(covers) & ~explained)
+        left = edge_information(points, chance, dilated(covers))
+        if 2 * information < left or (known[k] <= 0.5 and information < EVIDENCE.least_object):
+            continue
+        kept.append((k, seen))
+        if known[k] > 0.5:
+            # the shadow beside a part makes edges, too
+            explained |= dilated(covers | seen.region.mask)
+    return [seen for _, seen in sorted(kept, key=lambda one: one[0])]
+
+
+def of_objects(objects: Sequence[Sighting], camera: Camera) -> BoolArray:
+    """Return the pixels of the best answer of each object, or of its region ``(rows, columns)``."""
+    mask = np.zeros(camera.size[::-1], dtype=np.bool_)
+    for seen in objects:
+        if seen.modes:
+            mask |= silhouette(seen.modes[0].model.frame.surface, camera, seen.modes[0].T_camera_part)
+        elif seen.region is not None:
+            mask |= seen.region.mask
+    return dilated(mask)
 
 
 def with_rims(seen: Sighting, camera: Camera, ellipses: Ellipses) -> Sighting:
@@ -226,14 +272,6 @@ def outline_on_table(camera: Camera, region: Region, T_camera_table: Transforms)
     return describe(points, (beside - points) / scale[:, None], region.sds * scale, EDGES.bias * float(scale.mean()))
 
 
-def image_of_region(camera: Camera, edges: EdgeMap, region: Region, weights: Weights) -> ImageEdges:
-    """Return the edges of an image as a measurement of the object in a region."""
-    used = own_edges(region, edges)
-    log_unknown = weights.unknown * float(used.sum()) / EVIDENCE.stretch + weights.base
-    chance = np.array([chance_hits(edges.points, used)])
-    return ImageEdges(camera, edges, chance, bare_table(region.mask), weights, log_unknown)
-
-
 def area_of(region: Region, camera: Camera, T_camera_table: Transforms) -> float:
     """Return the area of a region on the table [m^2], by the size of a pixel in its middle."""
     corners = region.centre + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
@@ -251,13 +289,23 @@ def image_modes(posterior: ImagePosterior, camera: Camera, top: int) -> tuple[Im
     )
 
 
-def _sighting(
-    posterior: ImagePosterior, image: ImageEdges, region: Region, T_world_table: Transforms, top: int
+def sighting(
+    posterior: ImagePosterior, images: Sequence[ImageEdges], region: Region | None, T_world_table: Transforms, top: int
 ) -> Sighting:
-    modes = image_modes(posterior, image.camera, top)
-    hypotheses = tuple(hypothesis(mode, image, lying=True) for mode in posterior.modes[:top])
+    """Return the answer of a posterior of images of an object on a table; poses are in the first camera.
+
+    Args:
+        posterior: posterior of the object.
+        images: edges of the images, all of them.
+        region: region of the object in the first image.
+        T_world_table: frame of the table ``(4, 4)``.
+        top: number of hypotheses.
+    """
+    camera = images[0].camera
+    modes = image_modes(posterior, camera, top)
+    hypotheses = tuple(hypothesis(mode, images, lying=True) for mode in posterior.modes[:top])
     status, findings = judged(hypotheses, posterior)
-    question = _question(modes, T_world_table, standing(image.camera))
+    question = _question(modes, T_world_table, standing(camera))
     if status == "ambiguous" and question is not None:
         findings = (question.finding,)
     answer = Answer(status, findings, hypotheses, posterior.unknown)

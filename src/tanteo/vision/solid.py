@@ -20,11 +20,11 @@ from tanteo.parts import Part
 from tanteo.posterior import DEFAULTS, Answer, box_corners
 from tanteo.vision.answers import hypothesis, judged
 from tanteo.vision.camera import Camera, project
-from tanteo.vision.edges import EdgeMap, cell_of, channel_of, find_edges, map_edges
+from tanteo.vision.edges import EdgeMap, cell_of, chance_hits, channel_of, find_edges, map_edges
 from tanteo.vision.ellipse_fit import Ellipse
 from tanteo.vision.ellipses import find_ellipses
 from tanteo.vision.fit import refine
-from tanteo.vision.image_edges import ImageEdges, Weights, chance_map, standing
+from tanteo.vision.image_edges import ImageEdges, Weights, standing
 from tanteo.vision.models import VisionModel
 from tanteo.vision.paths import image_paths, model_paths, poses_from_paths
 from tanteo.vision.posterior import infer
@@ -69,17 +69,21 @@ def see_anywhere(
     points = find_edges(image)
     edges = map_edges(points)
     ellipses = find_ellipses(camera, points)
-    seen = ImageEdges(camera, edges, chance_map(edges), weights=weights or Weights())
+    seen = ImageEdges(camera, edges, chance_hits(points), weights=weights or Weights())
     proposals, tried = propose_anywhere(image, seen, ellipses.found, models)
     # the best of many poses exceeds chance by about the logarithm of their number
     seen = replace(seen, log_unknown=float(np.log(tried)))
-    posterior = infer(seen, proposals, len(models))
-    hypotheses = tuple(hypothesis(mode, seen) for mode in posterior.modes[:top])
+    posterior = infer((seen,), [(model, standing(camera) @ T) for model, T in proposals], len(models))
+    hypotheses = tuple(hypothesis(mode, (seen,)) for mode in posterior.modes[:top])
     status, findings = judged(hypotheses, posterior)
     answer = Answer(status, findings, hypotheses, posterior.unknown)
-    factors = () if posterior.image is None else (posterior.image,)
     found = Sighting(
-        answer, image_modes(posterior, camera, top), None, None, factors=factors, log_known=posterior.log_known
+        answer,
+        image_modes(posterior, camera, top),
+        None,
+        None,
+        factors=posterior.images,
+        log_known=posterior.log_known,
     )
     objects = (with_rims(found, camera, ellipses),) if found.modes else ()
     frame = "camera" if camera.T_world_camera is None else "world"

@@ -13,11 +13,12 @@ from tanteo.parts import Part
 from tanteo.posterior import Priors
 from tanteo.vision.camera import Camera
 from tanteo.vision.candidates import candidates_in
-from tanteo.vision.edges import find_edges, map_edges
-from tanteo.vision.image_edges import ImageEdges, Weights, standing
+from tanteo.vision.edges import chance_hits, find_edges, map_edges
+from tanteo.vision.image_edges import ImageEdges, standing
 from tanteo.vision.outlines import region_of_readings
 from tanteo.vision.posterior import levelled
-from tanteo.vision.sight import check_place, image_of_region, prepared
+from tanteo.vision.regions import bare_table, hulls
+from tanteo.vision.sight import check_place, prepared
 from tanteo.vision.table import TableErrors, seen_table
 
 
@@ -64,9 +65,11 @@ def view_factors(
         region, _, _ = region_of_readings(view.pixels, view.camera, points, edges)
         T_camera_table = SE3.inverse(standing(view.camera)) @ T_world_table
         check_place(view.camera, T_camera_table, parts)
-        image = image_of_region(view.camera, map_edges(edges), region, Weights())
+        image = ImageEdges(view.camera, map_edges(edges), chance_hits(edges))
         errors = seen_table(TableErrors(), view.camera, T_world_table)
-        for found in candidates_in(models, image, T_camera_table, region, errors):
+        bare = bare_table(hulls([region]))
+        image, candidates = candidates_in(models, image, T_camera_table, region, bare, errors)
+        for found in candidates:
             Ts = standing(view.camera) @ found.T_camera_part
             proposed.setdefault(found.model.part, []).append(Ts)
         images.append(image)

@@ -22,7 +22,7 @@ using namespace nb::literals;
 
 std::shared_ptr<EdgeImage> make_edge_image(Doubles camera, Doubles T_world_camera, Doubles camera_root, double shift_sd,
                                            Ints nearest, Doubles pixels, Doubles sds, Doubles commons, Doubles widths,
-                                           Floats chance, Flags bare) {
+                                           Floats chance) {
     auto image = std::make_shared<EdgeImage>();
     image->lens = lens_of(camera);
     expect(T_world_camera, "T_world_camera", {4, 4});
@@ -42,27 +42,19 @@ std::shared_ptr<EdgeImage> make_edge_image(Doubles camera, Doubles T_world_camer
     image->widths = doubles(widths, "widths", {count});
     for (const double sd : image->sds)
         if (!(sd > 0)) refuse("sds", "expected standard deviations above zero");
-    if (chance.size() != 1 && chance.size() != nearest.size()) refuse("chance", "expected one value, or as many as nearest");
+    if (chance.size() != 1 && chance.size() != count) refuse("chance", "expected one value, or one for each edge point");
     image->chance.assign(chance.data(), chance.data() + chance.size());
     for (const float value : image->chance)
         if (!(value > 0 && value <= 1)) refuse("chance", "expected probabilities above zero");
-    if (bare.size() != 0 && bare.size() * nearest.shape(0) != nearest.size())
-        refuse("bare", "expected as many rows and columns as nearest");
-    image->bare.assign(bare.data(), bare.data() + bare.size());
     return image;
 }
 
-std::shared_ptr<EdgePart> make_edge_part(std::shared_ptr<EdgeFrame> frame, Ints groups, Doubles bends, Doubles cover,
-                                         Doubles cover_normals, double cover_area, Doubles marks) {
+std::shared_ptr<EdgePart> make_edge_part(std::shared_ptr<EdgeFrame> frame, Ints groups, Doubles bends, Doubles marks) {
     auto part = std::make_shared<EdgePart>();
     part->groups = expect(groups, "groups", frame->size(), 0, int64_t(frame->size()));
     part->bends = vectors(bends, "bends");
     if (part->bends.size() != frame->size()) refuse("bends", "expected one for each sample");
-    part->cover = vectors(cover, "cover");
-    part->cover_normals = vectors(cover_normals, "cover_normals");
-    if (part->cover.size() != part->cover_normals.size()) refuse("cover_normals", "expected one for each place");
     part->marks = vectors(marks, "marks");
-    part->cover_area = expect(cover_area, "cover_area", 0, 1e12);
     for (const int group : part->groups) part->edges = std::max(part->edges, group + 1);
     part->frame = std::move(frame);
     return part;
@@ -70,13 +62,13 @@ std::shared_ptr<EdgePart> make_edge_part(std::shared_ptr<EdgeFrame> frame, Ints 
 
 std::shared_ptr<ImageEdges> image_edges(std::shared_ptr<EdgePart> part, std::shared_ptr<EdgeImage> image, Doubles rules,
                                         Doubles level_poses, Doubles levels, double reach, int first) {
-    expect(rules, "rules", {18});
-    if (rules.size() == 0) refuse("rules", "expected 18 numbers");
+    expect(rules, "rules", {17});
+    if (rules.size() == 0) refuse("rules", "expected 17 numbers");
     const double* r = rules.data();
     const EdgeRules all{r[0], r[1],  r[2],  r[3],  r[4],  r[5],  r[6],  r[7], r[8],
-                        r[9], r[10], r[11], r[12], r[13], r[14], r[15], r[16], r[17]};
-    for (const int k : {0, 1, 4, 5, 7, 14, 16}) expect(r[k], "rules", 1e-9, 1e9);
-    for (const int k : {2, 3, 6, 15, 17}) expect(r[k], "rules, probabilities", 0, 1 - 1e-12);
+                        r[9], r[10], r[11], r[12], r[13], r[14], r[15], r[16]};
+    for (const int k : {0, 1, 4, 5, 7, 13, 15}) expect(r[k], "rules", 1e-9, 1e9);
+    for (const int k : {2, 3, 6, 14, 16}) expect(r[k], "rules, probabilities", 0, 1 - 1e-12);
     const std::vector<Pose> at = poses(level_poses, "level_poses");
     expect(levels, "levels", {at.size()});
     std::vector<PoseLevel> known;
@@ -86,27 +78,27 @@ std::shared_ptr<ImageEdges> image_edges(std::shared_ptr<EdgePart> part, std::sha
 }
 
 // The sums of the log density of an image at states, one row each: log density, its part by the presence of edges, hits,
-// misses, spilled area [px^2], log density by the positions of edges, chi-square of offsets, number of independent offsets,
+// misses, log density by the positions of edges, chi-square of offsets, number of independent offsets,
 // squares of offsets [px^2], matched samples.
 Out image_sums(const ImageEdges& term, Doubles Ts, Doubles shared) {
     const std::vector<Pose> all = poses(Ts);
     const size_t D = shared.ndim() == 2 ? shared.shape(1) : 0;
     expect(shared, "shared", {all.size(), D});
     if (D < static_cast<size_t>(term.columns())) refuse("shared", "expected the shared errors of the image");
-    std::vector<double> out(10 * all.size());
+    std::vector<double> out(9 * all.size());
     {
         nb::gil_scoped_release release;
         for_all(all.size(), [&] {
             return [&](size_t k) {
                 const double* z = shared.data() + D * k;
                 const ImageEdges::Sums s = term.sums({all[k], std::vector<double>(z, z + D)});
-                const double values[10] = {s.log, s.there, s.hits,  s.misses,  s.spilled, s.located,
-                                          s.chi2, s.draws, s.squares, s.matched};
-                std::copy(values, values + 10, &out[10 * k]);
+                const double values[9] = {s.log,  s.there, s.hits,    s.misses, s.located,
+                                         s.chi2, s.draws, s.squares, s.matched};
+                std::copy(values, values + 9, &out[9 * k]);
             };
         });
     }
-    return array_of(std::move(out), {all.size(), 10});
+    return array_of(std::move(out), {all.size(), 9});
 }
 
 std::shared_ptr<StablePoses> stable_poses(Doubles ups, Doubles heights, Doubles log_weights, Doubles centroid, int freedom,
@@ -173,9 +165,8 @@ void offer_pose_terms(nb::module_& m) {
     nb::class_<NormalPoses, PoseTerm>(m, "NormalPoses");
     nb::class_<Alternatives, PoseTerm>(m, "Alternatives");
     m.def("make_edge_image", &make_edge_image, "camera"_a, "T_world_camera"_a, "camera_root"_a, "shift_sd"_a, "nearest"_a,
-          "pixels"_a, "sds"_a, "commons"_a, "widths"_a, "chance"_a, "bare"_a);
-    m.def("make_edge_part", &make_edge_part, "frame"_a, "groups"_a, "bends"_a, "cover"_a, "cover_normals"_a,
-          "cover_area"_a, "marks"_a);
+          "pixels"_a, "sds"_a, "commons"_a, "widths"_a, "chance"_a);
+    m.def("make_edge_part", &make_edge_part, "frame"_a, "groups"_a, "bends"_a, "marks"_a);
     m.def("image_edges", &image_edges, "part"_a, "image"_a, "rules"_a, "level_poses"_a, "levels"_a,
           "reach"_a, "first"_a);
     m.def("image_sums", &image_sums, "term"_a, "poses"_a, "shared"_a);

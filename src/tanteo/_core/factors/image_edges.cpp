@@ -62,25 +62,6 @@ std::shared_ptr<const ImageEdges::View> ImageEdges::view_from(const Vec3& eye) c
     return views.emplace(key, std::move(view)).first->second;
 }
 
-// Area of the silhouette on bare table: surface dA with the normal n at p covers fx fy |n p| / z^3 dA of the image. Hidden
-// surfaces count as well.
-double ImageEdges::spilled_area(const Pose& pose, const Lens& lens) const {
-    if (image->bare.empty()) return 0;
-    double area = 0;
-    for (size_t k = 0; k < part->cover.size(); ++k) {
-        const Vec3 p = pose.R * part->cover[k] + pose.t;
-        const double facing = -dot(pose.R * part->cover_normals[k], p);
-        if (!(p.z > 0) || !(facing > 0)) continue;
-        const Pixel at = project(lens, p);
-        const bool inside = at.x > -0.5 && at.y > -0.5 && at.x < image->columns - 0.5 && at.y < image->rows - 0.5;
-        if (!inside) continue;
-        const int64_t row = static_cast<int64_t>(at.y + 0.5), column = static_cast<int64_t>(at.x + 0.5);
-        if (image->bare[row * image->columns + column])
-            area += lens.fx * lens.fy * facing / (p.z * p.z * p.z) * part->cover_area;
-    }
-    return area;
-}
-
 // The level of the nearest pose, by the mean squared distance of the part's marks. Beyond a fraction `near` of their spread
 // it is at least `least`: the constants of poses at which few edges match apply to no other poses.
 double ImageEdges::level_at(const Pose& T, double least) const {
@@ -176,11 +157,8 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
     for (size_t k = 0; k < matched.size(); ++k) {
         if (!own[k]) continue;
         const EdgeMatch& m = matched[k].at;
-        size_t cell = 0;
-        if (image->chance.size() > 1)
-            cell = (points.channels.of(m.nx, m.ny) * image->rows + static_cast<int64_t>(m.y + 0.5)) * image->columns +
-                   static_cast<int64_t>(m.x + 0.5);
-        const double d = matched[k].offset, scale = matched[k].seen * 2 * rules.reach / image->chance[cell];
+        const float chance = image->chance[image->chance.size() > 1 ? m.point : 0];
+        const double d = matched[k].offset, scale = matched[k].seen * 2 * rules.reach / chance;
         const double near = (1 - rules.displaced) * scale * normal_density(d, rules.spread);
         const double far = rules.displaced * scale * normal_density(d, rules.displaced_sd);
         const double total = near + far + 1 - matched[k].seen;
@@ -194,10 +172,8 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
     }
     for (int e = 0; e < part->edges; ++e)
         if (missed[e] > 0) sums.misses += missed_log[e] / rules.stretch / (1 + missed[e] / rules.whole);
-    sums.spilled = spilled_area(pose, lens);
     if (rules.astray > 0) locate(all, ambiguous_places(everywhere, rules.beside, rules.along), sums, slope, columns, 6 + states);
-    sums.there = rules.hits * sums.hits + rules.misses * sums.misses +
-                 rules.spilled * sums.spilled / (rules.stretch * rules.stretch);
+    sums.there = rules.hits * sums.hits + rules.misses * sums.misses;
     sums.log = sums.there + sums.located - level_at(state.pose, sums.astray);
     return sums;
 }

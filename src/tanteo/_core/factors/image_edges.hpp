@@ -6,17 +6,18 @@
 // as neither matched nor missed. Relative to an image whose edges are random, the log density is
 //
 //   log L = h sum_e 1 / (1 + H_e / w) sum_{i matched} s_i / l log [q_i p(d_i) / c_i + 1 - q_i]
-//         + m sum_e 1 / (1 + M_e / w) sum_{i missed} s_i / l log(1 - q_i)  +  b B / l^2  +  S - S_0,
+//         + m sum_e 1 / (1 + M_e / w) sum_{i missed} s_i / l log(1 - q_i)  +  S - S_0,
 //
 //   p(d) = (1 - a) N(d; 0, sigma) + a N(d; 0, sigma_a),
 //   S = log sum_k a_k prod_e [(1 - g) (det C_e0 / det C_ek)^(1/2) exp((n_e - chi2_ek) / 2) + g].
 //
-// The first three sums depend on the presence of edges. q_i is the probability that an edge is detected (a rim of the part,
+// The first two sums depend on the presence of edges. q_i is the probability that an edge is detected (a rim of the part,
 // or a crease inside its outline), c_i = chance_i / (2 reach) the density of a random edge, and a the fraction of edges
 // that shadows, occluders and roundings displace. H_e and M_e are the matched and missed lengths of edge e, l is the length
 // of one independent observation, and w the length beyond which more of one edge adds little: an edge is usually matched or
-// missed as a whole. B is the area [px^2] of the part's silhouette on bare table in the image. h, m and b are fitted to
-// rendered scenes (benchmarks/vision_fit.py; decisions 23, 38 and 87).
+// missed as a whole. chance_i is the probability of an edge of texture, shadows, noise and other objects within reach, of
+// the same direction and at least about the same contrast, measured around the edge point. h and m are fitted to rendered
+// scenes and photographs (benchmarks/vision_fit.py, benchmarks/photographs.py; decisions 23, 38 and 87).
 //
 // S depends on the positions of edges. chi2_ek = d' C_ek^-1 d, with the offsets d of edge e at samples that are beside no
 // other edge of the part and agree with the rest of their edge, n_e independent ones, with covariance
@@ -31,7 +32,7 @@
 // probable (tests/planning/execution/test_seen.py). An edge of another object has the density g, relative to that of the
 // part's edges with usual noise in case 0. Slope and Gauss-Newton information of S are the means over the cases, weighted
 // by their probabilities at the state. S_0 is a constant about each pose that the image suggests. It makes the integral of
-// the density there equal to that of the first three sums: the positions of edges inform the pose and not the identity,
+// the density there equal to that of the first two sums: the positions of edges inform the pose and not the identity,
 // because edges are more exact than models of parts and of light (decision 87). Farther from these poses, S_0 is at least
 // the S of edges that all come from other objects: there the image carries no information on the pose.
 //
@@ -48,7 +49,7 @@
 
 namespace tanteo {
 
-// The image: its edge points, the density of random edges, the region of bare table, and the camera.
+// The image: its edge points, the density of random edges, and the camera.
 struct EdgeImage {
     Lens lens;
     Pose T_world_camera;
@@ -57,8 +58,7 @@ struct EdgeImage {
     int64_t rows = 0, columns = 0, channels = 0;
     std::vector<int32_t> nearest;     // channels x rows x columns: the nearest edge point of a direction; -1 for none
     std::vector<double> pixels, sds, commons, widths;  // edge points n x 2; their noise, the error common to their edge, and their blur, each n [px]
-    std::vector<float> chance;        // channels x rows x columns, or one value for all
-    std::vector<char> bare;           // rows x columns; empty if the region of bare table is unknown
+    std::vector<float> chance;        // of each edge point, or one value for all
 
     int camera_states() const { return camera_root.empty() ? 0 : 6; }
     int states() const { return camera_states() + (shift_sd > 0 ? 2 : 0); }
@@ -69,7 +69,7 @@ struct EdgeRules {
     double rim_seen, crease_seen;         // q
     double reach;                         // [px], of the chance density
     double spread, displaced, displaced_sd;  // sigma, a, sigma_a [px]
-    double hits, misses, spilled;         // h, m, b
+    double hits, misses;                  // h, m
     double beside, along;                 // samples match one place within this distance [px] and cosine of their normals
     double most_pulled;                   // largest correction of the displacement of a blurred rim [px]
     double correlation;                   // length over which the noise of edge points is one draw [px]
@@ -89,8 +89,6 @@ struct EdgePart {
     std::shared_ptr<const EdgeFrame> frame;
     std::vector<int> groups;       // index of the edge or rim of each sample, from 0
     std::vector<Vec3> bends;       // vector from a sample to the centre of its rim over the squared radius [1/m]; or zero
-    std::vector<Vec3> cover, cover_normals;  // uniform samples of the surface
-    double cover_area = 0;         // area of the surface that each sample represents [m^2]
     std::vector<Vec3> marks;       // points that every motion moves, except the symmetries of the part
     int edges = 0;
 };
@@ -108,7 +106,7 @@ class ImageEdges : public PoseTerm {
     // The sums of the log density at a state.
     struct Sums {
         double log = 0, there = 0;  // log density, and its part that depends on the presence of edges
-        double hits = 0, misses = 0, spilled = 0;  // before h, m and b; spilled in [px^2]
+        double hits = 0, misses = 0;  // before h and m
         double located = 0;          // S
         double astray = 0;           // S if all edges come from other objects
         double chi2 = 0, draws = 0;  // chi-square of the offsets of the part's own edges, and the number of independent offsets
@@ -125,7 +123,6 @@ class ImageEdges : public PoseTerm {
     void locate(const std::vector<Sample>& all, const std::vector<char>& clear, Sums& sums, const Slope* slope,
                 const int* columns, int count) const;
     std::shared_ptr<const View> view_from(const Vec3& eye) const;
-    double spilled_area(const Pose& pose, const Lens& lens) const;
     double level_at(const Pose& T_world_part, double least) const;
 
     std::shared_ptr<const EdgePart> part;
