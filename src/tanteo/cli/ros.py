@@ -148,7 +148,7 @@ def ros(options: Options, topics: TopicOptions) -> None:
             node, _intake(topics), known, {part.name: part for part in parts}, settings,
             lambda note: complain("warning", note), partial(_heard, options),
         )  # fmt: skip
-        print_text(f"Listening as node /{topics.node}; Ctrl-C ends it.", sys.stderr)
+        print_text(f"Listening as node {node.get_fully_qualified_name()}; Ctrl-C ends it.", sys.stderr)
         with _ended_by_signals(server):
             answer = server.run()
     _print(answer, options)
