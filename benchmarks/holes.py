@@ -1,7 +1,8 @@
 """Recognize plates and flanges by their holes: ``python benchmarks/holes.py [scenes] [families] [seed]``.
 
 Each family has ten random plates and round flanges with holes, some with a hub. One part is sensed in any pose: the
-centres of up to six holes and bosses to 0.03 mm at any depth, or all at a rim, and four points of the face; every other
+centres of up to six holes and bosses to 0.03 mm at any depth, all at a rim, or all moved by up to 200 mm along their
+axes as tables in two dimensions have them, and four points of the face; every other
 scene has radius and side as well. Twins are ten copies of one plate with one hole each displaced by 1 to 5 mm; all
 their
 holes are sensed. A last figure is the time of labelled touches on five sides, where a half turn fits similarly well.
@@ -109,8 +110,11 @@ def sensed_holes(part, spec, T, rng, *, sized, most):
     """Return centres of holes and bosses at any depth, except the rim of a flange, and four points on top."""
     rounds = [r for r in round_features(part) if r.radii[0] < 0.03]
     some = [rounds[k] for k in rng.permutation(len(rounds))[:most]]
-    moved = rng.uniform() < 0.5  # to the upper rim, as some machines do
-    centres = np.array([r.ends[0] + (1.0 if moved else rng.uniform()) * (r.ends[1] - r.ends[0]) for r in some])
+    where = rng.integers(3)  # at any depth, at the upper rim, or moved along the axes
+    away = rng.uniform(-0.2, 0.2)
+    depths = [rng.uniform() if where == 0 else 1.0 for _ in some]
+    centres = np.array([r.ends[0] + t * (r.ends[1] - r.ends[0]) for r, t in zip(some, depths, strict=True)])
+    centres = centres + [0, 0, away * (where == 2)]
     face = on_top(part, spec, 4, rng)
     p = np.concatenate([centres, face]) @ T[:3, :3].T + T[:3, 3]
     n, m = len(centres), len(face)

@@ -176,7 +176,7 @@ class Oracle:
         return hits
 
     def on_axes(self, j, p, C, R):
-        """Return the density of a circle's centre: normal across the axis, uniform along it; its radius, side and axis.
+        """Return the density of a circle's centre: normal across the axis, at any height; its radius, side and axis.
 
         That of a sphere, or an apex, is normal about a point; an apex is named by the one end of its axis.
         """
@@ -187,17 +187,16 @@ class Oracle:
                 continue
             a, b = np.array(ends).reshape(2, 3)
             a, b = (end + self.q.radii[j] * (b - a) / np.linalg.norm(b - a) for end in (a, b))  # beside an apex
-            length, d = np.linalg.norm(b - a), (b - a) / np.linalg.norm(b - a)
+            d = (b - a) / np.linalg.norm(b - a)
             frame = np.stack([any_across(d), np.cross(d, any_across(d))])
             x, S = frame @ (p - a), frame @ C @ frame.T
-            q, wide, t = x @ np.linalg.solve(S, x), np.sqrt(d @ C @ d), d @ (p - a)
-            along = norm.cdf(t / wide) - norm.cdf((t - length) / wide)
+            q = x @ np.linalg.solve(S, x)
             off = radius - np.clip(radius, least, most)
-            outside = line and (q > self.cuts.reach**2 or along <= 0)
+            outside = line and q > self.cuts.reach**2
             if outside or hole * side < 0 or (radius and abs(off) >= self.cuts.reach * sd):
                 continue
             if line:
-                log = -0.5 * q - np.log(2 * np.pi) - 0.5 * np.log(np.linalg.det(S)) + np.log(weight * along / length)
+                log = -0.5 * q - np.log(2 * np.pi) - 0.5 * np.log(np.linalg.det(S)) + np.log(weight)
             elif (q := (p - a) @ np.linalg.solve(C, p - a)) <= self.cuts.reach**2:
                 log = -0.5 * q - 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(C)[1] + np.log(weight)
             else:

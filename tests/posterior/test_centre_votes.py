@@ -247,21 +247,12 @@ def test_one_hole_sensed_twice_lacks_nothing(blocks, every):
     assert costs[5] < costs.min() + plane_votes.cost_margin(DEFAULTS)
 
 
-def test_a_centre_beyond_its_wall_is_dearer_by_what_is_rare(blocks):
-    """Nine of ten are within the wall and half its length beyond, others as far as the part reaches."""
-    size, rows = blocks[0]
-    far = rows[:1].copy()
-    far[0, [2, 5]] = -0.05, 0.08
-    far[0, 8], near = 0.1 * rows[0, 8], rows[:1].copy()
-    near[0, 8] *= 0.9
-    every = catalogue([(size, np.concatenate([near, far, rows[1:]]))])
+def test_the_height_of_a_centre_costs_nothing(blocks, every):
     costs = []
     for height in (0.5, 1.4, 20.0):
-        _, points = sensed((size, rows), np.random.default_rng(8), range(4), heights=[height, 0.5, 0.5, 0.5])
+        _, points = sensed(blocks[0], np.random.default_rng(8), range(4), heights=[height, 0.5, 0.5, 0.5])
         costs.append(compared(points, every)[0][0])
-    length = rows[0, 5] - rows[0, 2]
-    assert costs[1] - costs[0] == pytest.approx(np.log1p(9 * 0.13 / length), abs=0.3)
-    assert costs[2] - costs[0] == pytest.approx(13, abs=4)
+    assert costs[1:] == pytest.approx(costs[:1] * 2, abs=1.0)
 
 
 def test_holes_that_are_not_kept_cost_their_part_little(blocks):
@@ -291,8 +282,8 @@ def test_spheres_and_apexes_are_points(blocks):
     assert 0 in details
 
 
-def test_coaxial_holes_and_a_face_fix_lengths_but_no_pose(blocks):
-    """The face across them limits their depth; their rotation stays free."""
+def test_coaxial_holes_and_a_face_fix_no_pose(blocks):
+    """Centres have no height, so the distance of the holes does not count; their rotation stays free."""
 
     def fork(gap):
         size = np.array([0.03, 0.03, gap + 0.02])
@@ -309,8 +300,7 @@ def test_coaxial_holes_and_a_face_fix_lengths_but_no_pose(blocks):
             assert len(centres.seeds) == 1
             assert not centres.certain
             costs, _ = compared(points, every)
-            assert costs[row] < 8
-            assert np.sum(costs < 8) < 4
+            assert np.all(costs < 8)
 
 
 def test_seeds_leave_every_reading_out_once(blocks):

@@ -9,7 +9,7 @@ pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
 
 from bare_scenes import nees, off
 from drilled import HOLES, HUB, SD, THICK, TOP, T, as_part, drilled, heights, sensed
-from tanteo import Readings, identify, locate
+from tanteo import PosePrior, Priors, Readings, identify, locate
 from tanteo.errors import InputError
 from tanteo.features import Feature
 from tanteo.features.kinds import CIRCLE, CYLINDER
@@ -123,10 +123,31 @@ def test_centres_beside_many_holes_are_found(folder):
     holes = [(x + rng.uniform(-1.5, 1.5), y + rng.uniform(-1.5, 1.5), 1.5) for x, y in grid]
     part = as_part(drilled(holes, hub=None), folder / "sieve.step")
     some = heights([holes[k] for k in rng.choice(len(holes), 9, replace=False)], rng)
-    best = locate(sensed(some, top=0), part).best
-    moved, _ = off(part, best.T_world_part, T)  # the height along the holes is open
-    assert moved < 1e-3 * THICK
+    answer = locate(sensed(some, top=0), part)
+    best = answer.best
+    moved = (SE3.inverse(T) @ best.T_world_part)[:2, 3]  # the height along the holes is open
+    assert np.linalg.norm(moved) < 5e-4
     assert len(best.pairings) == 9
+    assert answer.status == "insufficient"
+    assert "sliding along part z" in answer.message
+
+
+@pytest.mark.parametrize("height", [-0.3, 0.0, 0.02, 0.5])
+def test_the_height_of_centres_does_not_count(plate, height):
+    """The centres of a table in two dimensions have any height; a touched face states that of the plate."""
+    lifted = FIRST * [1, 1, 0] + [0, 0, height]
+    answer = locate(sensed(lifted), plate)
+    assert answer.status == "recognized"
+    assert right(answer, plate)
+
+
+def test_the_prior_states_the_height_of_centres_alone(plate):
+    C = np.diag([2e-2, 2e-2, 1e-3, 0.02, 0.02, 0.02]) ** 2
+    answer = locate(sensed(FIRST * [1, 1, 0], top=0), plate, priors=Priors(pose=PosePrior(T, C)))
+    assert answer.status == "recognized"
+    sd = float(np.sqrt(answer.best.covariance[2, 2]))
+    assert 0.5e-3 < sd < 1.5e-3
+    assert abs((SE3.inverse(T) @ answer.best.T_world_part)[2, 3]) < 3 * sd
 
 
 def test_contacts_on_walls_share_a_round_face(plate):

@@ -72,13 +72,13 @@ def test_a_hole_that_no_plate_has_is_reported(plates, few):
 
 
 def test_a_table_has_the_axes_of_the_likelihood(plates):
-    """Of each hole and of the hub a wall and how far the part goes along it, if it goes farther."""
+    """One axis for each hole and for the hub."""
     prepared = prepare(plates[0])
     rows = signature(plates[0], prepared.shape)["axes"]
     assert rows[:, 8].sum() == pytest.approx(1)
     assert len(set(rows[:, 10])) == len(HOLES) + 1
     assert sorted(set(rows[:, 9])) == [-1, 1]
-    assert len(rows) == 2 * (len(HOLES) + 1)
+    assert len(rows) == len(HOLES) + 1
 
 
 def test_of_very_many_holes_the_largest_are_kept(folder, monkeypatch):

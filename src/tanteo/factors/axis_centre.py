@@ -15,9 +15,8 @@ from tanteo.features.kinds import CIRCLE, CYLINDER
 from tanteo.geometry.typing import FloatArray
 from tanteo.parts import Part, round_features
 
-_MUCH_LONGER, _BEYOND_SHARE, _EXTENSION = 1.01, 0.1, 0.5
-"""Centres may lie beyond a hole if the part is longer than the hole by the first factor; their prior probability is the
-second. The third extends both ranges at each end, as a fraction of their length (decision 70)."""
+_EXTENSION = 0.5
+"""Extension of the range of proposed heights at each end, as a fraction of the wall's length (decision 70)."""
 
 
 @register_factor("centre")
@@ -25,9 +24,8 @@ second. The third extends both ranges at each end, as a fraction of their length
 class AxisCentre(RoundCentre):
     """Centre of a circle on the axis of a hole or boss, at any height; the axis has either sign.
 
-    The height is uniform over the wall, and with a smaller probability over the whole part, because some devices move a
-    centre along its axis to a reference plane. Both ranges extend a little beyond their ends, because centres that were
-    moved to the rim are as probable.
+    Only the position across the axis counts. Devices report the height of the probe, of a reference plane or zero, so
+    the height along the axis carries no information.
     """
 
     core: ClassVar[str] = "axis_centre"
@@ -52,18 +50,12 @@ class AxisCentre(RoundCentre):
     def landmarks(cls, part: Part) -> list[Landmark]:
         """Return the axes of holes and bosses, each as probable as any other.
 
-        Each appears with the range of its wall, and, where the part is longer, with a smaller share once more with
-        the range of the whole part. The class states the reason.
+        The ends are those of the wall with an extension; initial poses put centres between them.
         """
         rounds, out = round_features(part), list[Landmark]()
         for number, one in enumerate(rounds):
-            along = (part.vertices - one.ends[0]) @ one.axis
-            reach = one.ends[0] + np.array([[along.min()], [along.max()]]) * one.axis
-            longer = float(np.ptp(along)) > _MUCH_LONGER * one.length
             sizes = float(one.radii.min()), float(one.radii.max())
-            for ends, share in ((one.ends, 1 - _BEYOND_SHARE * longer), (reach, _BEYOND_SHARE * longer)):
-                if share > 0:
-                    beyond = _EXTENSION * (ends[1] - ends[0])
-                    ends = ends + np.stack([-beyond, beyond])
-                    out.append(Landmark(ends, sizes, share / len(rounds), one.hole, number, one.name, is_line=True))
+            beyond = _EXTENSION * (one.ends[1] - one.ends[0])
+            ends = one.ends + np.stack([-beyond, beyond])
+            out.append(Landmark(ends, sizes, 1 / len(rounds), one.hole, number, one.name, is_line=True))
         return out

@@ -106,6 +106,11 @@ class ContactPoints:
         return np.array([not factor.on_surface for factor in self.factors], dtype=np.bool_)
 
     @property
+    def placed(self) -> BoolArray:
+        """Return which measurements state all three coordinates ``(n,)``: all but centres at any height of an axis."""
+        return np.array([f.on_surface or f.codimension == 3 for f in self.factors], dtype=np.bool_)
+
+    @property
     def landmarks(self) -> Vectors:
         """Return the measured places of the part, such as the apex for a point of a cone's axis ``(n, 3)`` [m]."""
         return np.array([factor.landmark for factor in self.factors], dtype=np.float64).reshape(len(self), 3)

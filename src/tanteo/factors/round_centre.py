@@ -57,10 +57,12 @@ class RoundCentre(Factor):
     def log_outlier(self, radius: float) -> float:
         """Return the log density of an outlier: place uniform in the workspace, sizes log-uniform.
 
+        On a line only the two coordinates across it are measured, so the place is uniform in a disc.
+
         Args:
             radius: radius of the ball of the workspace [m].
         """
-        log = super(RoundCentre, self).log_outlier(radius)
+        log = super(RoundCentre, self).log_outlier(radius) + (np.log(4 / 3 * radius) if self.is_line else 0.0)
         for size in (self.sensed_size, self.second_size):
             if size is not None:
                 log -= np.log(_DECADES * np.log(10) * size.value)

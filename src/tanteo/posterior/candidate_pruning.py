@@ -226,7 +226,13 @@ def _promising(problem: Problem, rows: IntArray, found: _Costs) -> Active:
 
 
 def _is_large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray:
-    """Return whether each part is at least as large as the spread of three quarters of the points ``(n,)``."""
+    """Return whether each part is at least as large as the spread of three quarters of the points ``(n,)``.
+
+    Centres at any height of an axis do not count.
+    """
+    points = points.take(np.flatnonzero(points.placed))
+    if not len(points):
+        return np.ones(len(candidates), dtype=np.bool_)
     centre = np.median(points.points, axis=0)
     reach = np.sort(np.linalg.norm(points.points - centre, axis=1) - 4 * points.sd - points.radii)
     shared = 4 * np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1))

@@ -89,7 +89,6 @@ class SearchSettings:
         curved_face_cost: cost of a sensed normal on a curved face, in addition to minus the log of the fraction of
             curved area [nats]. Decision 76.
         max_tuples: number of tuples of axes, or of poses of planes, that are tried on one part. Row labelled.
-        wall_slack: distance of a centre beyond the end of its wall over the length of the wall. Decision 84.
         plane_normal_sd: largest standard deviation of a sensed normal that counts as a plane [rad]. Decision 76.
         coarse_areas: number of equal areas of a surface; their spacing is the step of coarse poses. Decision 76.
         thorough: factor on the number of coarse poses if there are few parts. Decision 85.
@@ -127,7 +126,6 @@ class SearchSettings:
     tuples: int = 4
     curved_face_cost: float = 1.5
     max_tuples: int = 1000
-    wall_slack: float = 0.5
     plane_normal_sd: float = 0.1
     coarse_areas: int = 64
     thorough: int = 16

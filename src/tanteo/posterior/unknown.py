@@ -84,7 +84,9 @@ def log_anywhere(problem: Problem, centroid: Vectors, area: float) -> float:
     points, priors, labels = problem.points, problem.priors, problem.label_evidence
     if not len(points):
         return problem.log_factors_unknown
-    where = possible_centres(points.points[problem.furniture.others], priors.radius)
+    others = problem.furniture.others
+    placed = others[points.placed[others]]  # a centre at any height of its axis may be outside of the object
+    where = possible_centres(points.points[placed if len(placed) else others], priors.radius)
     place = log_place_of_unknown(priors.pose, centroid, where.middle, priors.radius, where.sd)
     known = priors.pose is not None and (priors.pose.box is not None or priors.pose.T_world_part is not None)
     share = np.log(where.volume) - 3 * np.log(2 * (priors.radius if known else where.radius))

@@ -1,4 +1,4 @@
-// The centre of a circle: normal about the axis of a hole or boss, uniform along it, with the circle's axis (of either
+// The centre of a circle: normal about the axis of a hole or boss, at any height along it, with the circle's axis (of either
 // sign) and radius if they were sensed. round_centre.hpp has the formula.
 #include "factors/round_centre.hpp"
 

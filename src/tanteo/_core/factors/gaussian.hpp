@@ -6,12 +6,9 @@
 
 namespace tanteo {
 
-// Density of a position p measured on a segment from a: normal about the line, uniform along the length L,
-//   f(p) = N(u; 0, C_uu) [Phi(t / s) - Phi((t - L) / s)] / L,
-// with u across and t along the line, s the standard deviation along it. Sets the component except weight and element;
-// returns 0 if p is beyond REACH.
-inline double segment_density(const Vec3& a, const Vec3& direction, double length, const Vec3& p, const Mat3& C,
-                              Component& component) {
+// Density of a position p measured beside an infinite line through a: normal across it, N(u; 0, C_uu), whatever the position
+// along it. Sets the component except weight and element; returns 0 if p is beyond REACH.
+inline double line_density(const Vec3& a, const Vec3& direction, const Vec3& p, const Mat3& C, Component& component) {
     const Vec3 off = p - a;
     const double t = dot(off, direction);
     if (squared(off) - t * t > REACH * REACH * (C(0, 0) + C(1, 1) + C(2, 2))) return 0;
@@ -25,16 +22,28 @@ inline double segment_density(const Vec3& a, const Vec3& direction, double lengt
     add_outer(info, -uv / det, u, v);
     add_outer(info, -uv / det, v, u);
     add_outer(info, uu / det, v, v);
-    const double sd = std::sqrt(dot(direction, C * direction));
-    const double along = normal_below(t / sd) - normal_below((t - length) / sd);
-    const double near = normal_density(t / sd), far = normal_density((t - length) / sd);
     component.distance = std::hypot(x, y);
     component.per_sd = component.distance > 0 ? std::sqrt(q) / component.distance : 1 / std::sqrt(uu);
     component.normal = {};
-    component.slope = -(info * off) + ((near - far) / sd / std::max(along, 1e-300)) * direction;
-    component.spread = (far * (t - length) - near * t) / sd / std::max(along, 1e-300);
+    component.slope = -(info * off);
     component.stiff = info;
-    return along / length / std::sqrt(det) * fast_exp(-0.5 * q - 2 * HALF_LOG_TWO_PI);
+    return fast_exp(-0.5 * q - 2 * HALF_LOG_TWO_PI) / std::sqrt(det);
+}
+
+// Density of a position p measured on a segment from a: normal about the line, uniform along the length L,
+//   f(p) = N(u; 0, C_uu) [Phi(t / s) - Phi((t - L) / s)] / L,
+// with u across and t along the line, s the standard deviation along it. Sets the component except weight and element;
+// returns 0 if p is beyond REACH.
+inline double segment_density(const Vec3& a, const Vec3& direction, double length, const Vec3& p, const Mat3& C,
+                              Component& component) {
+    const double beside = line_density(a, direction, p, C, component);
+    if (!(beside > 0)) return 0;
+    const double t = dot(p - a, direction), sd = std::sqrt(dot(direction, C * direction));
+    const double along = normal_below(t / sd) - normal_below((t - length) / sd);
+    const double near = normal_density(t / sd), far = normal_density((t - length) / sd);
+    component.slope = component.slope + ((near - far) / sd / std::max(along, 1e-300)) * direction;
+    component.spread = (far * (t - length) - near * t) / sd / std::max(along, 1e-300);
+    return along / length * beside;
 }
 
 // The normal density N(p; c, C) about points c of the part, for one covariance.

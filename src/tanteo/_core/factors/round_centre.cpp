@@ -41,7 +41,7 @@ void RoundCentre::evaluate(const Placement& at, Components& out) const {
         if (!may_measure(axis, REACH, blur)) continue;
         Component c;
         c.weight = axis.weight * fast_exp(-log_outlier) *
-                   (line ? segment_density(axis.a, axis.direction, axis.length, at.p, at.C, c)
+                   (line ? line_density(axis.a, axis.direction, at.p, at.C, c)
                          : density.at(start(axis), at.p, c));
         if (size > 0) c.weight *= size_density(size, axis.least, axis.most, width);
         if (other > 0) c.weight *= size_density(other, axis.least_other, axis.most_other, std::hypot(other_sd, blur));
@@ -80,7 +80,7 @@ int RoundCentre::nearest_landmark(const Shape& shape, const Vec3& p, Vec3& off) 
         const RoundAxis& axis = shape.axes[k];
         if (!may_measure(axis, SIZE_REACH, 0)) continue;
         const Vec3 away = p - start(axis);
-        const Vec3 from = away - std::clamp(dot(away, axis.direction), 0.0, axis.length) * axis.direction;
+        const Vec3 from = is_line() ? away - dot(away, axis.direction) * axis.direction : away;
         if (squared(from) >= least) continue;
         least = squared(from);
         off = from;

@@ -25,19 +25,15 @@ double between(const ModelAxis& a, const ModelAxis& b) {
     return std::fabs(dot(off, across)) / sine;
 }
 
-// Largest distance between points of two axes.
+// Largest distance between points of two axes; without bound along a line.
 double ends_apart(const ModelAxis& a, const ModelAxis& b) {
-    double far = 0;
-    for (const double s : {a.low, a.high})
-        for (const double t : {b.low, b.high})
-            far = std::max(far, squared(a.middle + s * a.along - b.middle - t * b.along));
-    return std::sqrt(far);
+    return a.point && b.point ? norm(a.middle - b.middle) : NEVER;
 }
 
 }  // namespace
 
 ModelAxes::ModelAxes(const float* rows, size_t count) {
-    double share[KINDS] = {}, density = 0;
+    double share[KINDS] = {};
     for (size_t k = 0; k < count; ++k) {
         const float* x = rows + COLUMNS * k;
         if (!std::all_of(x, x + COLUMNS, [](float value) { return std::fabs(value) < 1e6f; })) continue;  // counts as unseen
@@ -46,26 +42,16 @@ ModelAxes::ModelAxes(const float* rows, size_t count) {
         const int number = static_cast<int>(x[10]), kind = std::clamp(static_cast<int>(x[11]), 0, KINDS - 1);
         const bool line = x[12] > 0;
         share[kind] += weight;
-        if (line && !all.empty() && all.back().kind == kind && all.back().number == number) {
-            ModelAxis& own = all.back();  // the same hole: its centres may be beyond its wall
-            const double s = dot(a - own.middle, own.along), t = dot(b - own.middle, own.along);
-            own.low = std::min({s, t, -own.wall});
-            own.high = std::max({s, t, own.wall});
-            own.price = std::log1p(density / std::max(weight / (own.high - own.low), 1e-12));
-            continue;
-        }
         ModelAxis axis;
         axis.point = !line;
         axis.along = unit(b - a);
         axis.middle = axis.point ? a : 0.5 * (a + b);
-        axis.wall = axis.high = axis.point ? 0 : half;
-        axis.low = -axis.wall;
+        axis.wall = axis.point ? 0 : half;
         axis.least = x[6];
         axis.most = x[7];
         axis.side = x[9] < 0 ? -1 : 1;
         axis.kind = kind;
         axis.number = number;
-        density = 0.5 * weight / std::max(half, 1e-12);
         all.push_back(axis);
     }
     for (int kind = 0; kind < KINDS; ++kind) unseen[kind] = share[kind] > 0 ? std::max(1 - share[kind], 0.0) : 0;
@@ -93,7 +79,7 @@ bool AxisFits::agree(int i, int a, int j, int b) const {
     const SensedCentre &p = centres[i], &q = centres[j];
     const double apart = norm(p.at - q.at), within = SDS * std::hypot(p.sd, q.sd);
     const ModelAxis &first = axes.all[a], &second = axes.all[b];
-    if (a == b) return apart < first.high - first.low + within;
+    if (a == b) return !first.point || apart < within;
     if (between(first, second) > apart + within || ends_apart(first, second) < apart - within) return false;
     if (!p.oriented() || !q.oriented()) return true;
     const double sensed = std::acos(std::clamp(std::fabs(dot(p.axis, q.axis)), 0.0, 1.0));

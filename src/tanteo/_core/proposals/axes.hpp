@@ -16,13 +16,13 @@ struct SensedCentre {
     bool oriented() const { return squared(axis) > 0; }
 };
 
-// Possible centres of one hole or boss: along its wall, or beyond it at a price. A sphere or cone has one point.
+// Axis of a hole or boss, on which a centre may be at any height. A sphere or cone has one point.
 struct ModelAxis {
     Vec3 middle, along;
     bool point = false;  // a point, not a line
     int side = 1, kind = 0, number = -1;
     double least = 0, most = 0;                  // radius or half angle
-    double wall = 0, low = 0, high = 0, price = 0;  // from the middle [m]: half of the wall, ends of the possible centres; cost beyond the wall [nats]
+    double wall = 0;             // half of the wall, from the middle [m]
 };
 
 struct ModelAxes {

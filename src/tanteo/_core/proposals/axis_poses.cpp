@@ -121,8 +121,7 @@ class Search {
         const double height = dot(way, p.normal), lever = norm(way - height * p.normal);
         const double within = SDS * std::sqrt(c.sd * c.sd + p.sd * p.sd + (lever * lever) * (p.tilt * p.tilt));
         const double base = dot(n, axis.middle - faces.planes[of[k].which].centre), rise = dot(n, axis.along);
-        const double first = base + rise * axis.low, last = base + rise * axis.high;
-        if (height < std::min(first, last) - within || height > std::max(first, last) + within) return false;
+        if ((axis.point || std::fabs(rise) < PARALLEL) && std::fabs(height - base) > within) return false;
         if (!c.oriented()) return true;
         const double sensed = std::acos(std::clamp(std::fabs(dot(c.axis, p.normal)), 0.0, 1.0));
         return std::fabs(sensed - std::acos(std::clamp(std::fabs(rise), 0.0, 1.0))) < SDS * std::hypot(c.tilt, p.tilt) + AXIS_TURNED;
@@ -136,7 +135,7 @@ class Search {
         if (a.point || b.point || norm(cross(a.along, n)) > PARALLEL || norm(cross(b.along, n)) > PARALLEL) return true;
         const double rise = dot(way, plane(2).normal), apart = norm(way - rise * plane(2).normal);
         const double sd2 = centre(0).sd * centre(0).sd + centre(1).sd * centre(1).sd + rise * rise * plane(2).tilt * plane(2).tilt;
-        const double within = SDS * std::sqrt(sd2) + PARALLEL * (a.high - a.low + b.high - b.low);
+        const double within = SDS * std::sqrt(sd2) + PARALLEL * (2 * a.wall + 2 * b.wall + std::fabs(rise));
         return std::fabs(apart - comparison.fits.least_apart(of[0].which, of[1].which)) < within;
     }
 

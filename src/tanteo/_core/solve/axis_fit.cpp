@@ -24,13 +24,6 @@ double off_axis(const Vec3& off, const ModelAxis& axis, const Mat3& S) {
     return 0.5 * (vv * x * x - 2 * uv * x * y + uu * y * y) / std::max(uu * vv - uv * uv, 1e-60);
 }
 
-// Cost of the position of a centre along its axis [nats].
-double height(const ModelAxis& axis, double t, double sd) {
-    const double slack = SDS * sd;
-    if (std::fabs(t) < axis.wall + slack) return 0;
-    return t > axis.low - slack && t < axis.high + slack ? axis.price : NEVER;
-}
-
 }  // namespace
 
 void AxisComparison::add_centre(PoseEquations& at, const SensedCentre& c, const ModelAxis& axis, const Pose& pose) {
@@ -68,7 +61,6 @@ AxisComparison::Match AxisComparison::of_axes(int i, const Pose& pose, const Spr
     const Vec3 q = into_part(pose, c.at), m = transposed_times(pose.R, c.axis);
     Mat3 S = known.at(q);
     for (int k = 0; k < 3; ++k) S(k, k) += c.sd * c.sd;
-    const Mat3 along = slack.at(q);
     const double tilt2 = c.tilt * c.tilt + AXIS_TURNED * AXIS_TURNED + known.turned();
     Match best{fits.most(i)};
     for (size_t a = 0; a < axes.size(); ++a) {
@@ -76,8 +68,6 @@ AxisComparison::Match AxisComparison::of_axes(int i, const Pose& pose, const Spr
         double cost = fits.size(i, static_cast<int>(a));
         if (cost >= best.cost) continue;
         cost += off_axis(q - axis.middle, axis, S);
-        if (cost < best.cost && !axis.point)
-            cost += height(axis, dot(q - axis.middle, axis.along), std::sqrt(dot(axis.along, along * axis.along) + c.sd * c.sd));
         if (cost < best.cost && c.oriented()) {
             const double cosine = dot(m, axis.along);
             cost += (1 - (axis.point ? cosine : std::fabs(cosine))) / tilt2;

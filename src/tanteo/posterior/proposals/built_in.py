@@ -57,7 +57,9 @@ class CentreTriples(Proposer):
         if state.round or np.count_nonzero(problem.points.centres) < 3:
             return InitialPoses.none()
         core = state.objective.core
-        return InitialPoses.exhaustive(from_centres(problem.points, core, part, problem.settings.search))
+        known = problem.mixture(part)
+        prior = np.zeros((0, 4, 4)) if known is None else known.Ts
+        return InitialPoses.exhaustive(from_centres(problem.points, core, part, problem.settings.search, prior))
 
 
 @final

@@ -41,7 +41,7 @@ class Axes:
                 continue  # the axis of another wall
             numbers.add(number)
             middle, half = one.ends.mean(axis=0), 0.5 * (one.ends - one.ends.mean(axis=0))
-            ends.append(middle + half if one.is_line else one.ends[[0, 0]])  # a line goes on beyond its wall
+            ends.append(middle + half if one.is_line else one.ends[[0, 0]])
             sizes.append(one.sizes)
             sides.append(1.0 if one.hole else -1.0)
             kinds.append(cls.core)
@@ -57,8 +57,8 @@ class Axes:
     def distances(self) -> tuple[FloatArray, FloatArray]:
         """Return the least and largest distance between places of two axes ``(N, N)`` [m].
 
-        The largest is that between the rims of their walls. A centre may be anywhere along an axis, so the least
-        distance of parallel axes is that of their lines.
+        A centre may be anywhere along an axis: the least distance is that of the lines, and only two points have a
+        largest one.
         """
         a, along = self.ends[:, 0], self.ends[:, 1] - self.ends[:, 0]
         unit = along / np.maximum(np.linalg.norm(along, axis=1), np.finfo(float).tiny)[:, None]
@@ -68,9 +68,9 @@ class Axes:
         across = np.cross(unit[:, None], unit)
         sines = np.linalg.norm(across, axis=-1)
         skew = np.abs(np.einsum("ijk,ijk->ij", off, across)) / np.maximum(sines, 1e-12)
-        return np.where(sines > self.settings.tilt_as_made, skew, np.minimum(beside, beside.T)), corners.max(
-            axis=(2, 3)
-        )
+        point = np.all(along == 0, axis=1)
+        most = np.where(point[:, None] & point, corners.max(axis=(2, 3)), np.inf)
+        return np.where(sines > self.settings.tilt_as_made, skew, np.minimum(beside, beside.T)), most
 
     def allowed(self, points: ContactPoints) -> BoolArray:
         """Return whether each centre may be on each axis, by kind, material side and size ``(n, N)``."""
@@ -88,9 +88,17 @@ def sensed_sizes(points: ContactPoints) -> FloatArray:
 
 
 def from_centres(
-    points: ContactPoints, core: _core.Problem, prepared: PreparedPart, settings: SearchSettings
+    points: ContactPoints, core: _core.Problem, prepared: PreparedPart, settings: SearchSettings, prior: Transforms
 ) -> Transforms:
-    """Return poses with three centres on three axes, refined with all points, best first ``(S, 4, 4)``."""
+    """Return poses with three centres on three axes, refined with all points, best first ``(S, 4, 4)``.
+
+    Args:
+        points: all measurements.
+        core: the problem for the core.
+        prepared: the part.
+        settings: settings of the search.
+        prior: prior poses, which state the heights of parallel axes where nothing was touched ``(A, 4, 4)``.
+    """
     rows, none = np.flatnonzero(points.centres), np.zeros((0, 4, 4))
     if len(rows) < 3:
         return none
@@ -101,7 +109,7 @@ def from_centres(
     found = [_placed(centres, axes, triple) for triple in _triples(centres, settings)]
     Ts = np.concatenate([none, *found])
     Ts = Ts[np.argsort(_costs(centres, axes, Ts), kind="stable")[: settings.kept]]
-    return _refined(points, core, prepared, axes, Ts) if len(Ts) else none
+    return _refined(points, core, prepared, axes, Ts, prior) if len(Ts) else none
 
 
 def _triples(centres: ContactPoints, settings: SearchSettings) -> list[IntArray]:
@@ -142,11 +150,11 @@ def _on_axes(p: Vectors, ends: FloatArray, settings: SearchSettings) -> Transfor
     """Return poses ``(K, 4, 4)`` that bring points ``(3, 3)`` near axes ``(K, 3, 2, 3)``, by alternating projection."""
     along = ends[:, :, 1] - ends[:, :, 0]
     squares = np.maximum(np.sum(along**2, axis=-1), np.finfo(float).tiny)
-    places, slack, steps = ends.mean(axis=2), settings.wall_slack, settings.steps // 2
+    places, steps = ends.mean(axis=2), settings.steps // 2
     Ts = _aligned(places, p)
     for _ in range(steps):
         there = SE3.apply(SE3.inverse(Ts)[:, None], np.broadcast_to(p, places.shape))
-        t = np.clip(np.sum((there - ends[:, :, 0]) * along, axis=-1) / squares, -slack, 1 + slack)
+        t = np.sum((there - ends[:, :, 0]) * along, axis=-1) / squares
         places = ends[:, :, 0] + t[..., None] * along
         Ts = _aligned(places, p)
     return Ts
@@ -167,10 +175,10 @@ def _costs(centres: ContactPoints, axes: Axes, Ts: Transforms) -> FloatArray:
     a, along = axes.ends[:, 0], axes.ends[:, 1] - axes.ends[:, 0]
     squares, allowed = np.maximum(np.sum(along**2, axis=1), np.finfo(float).tiny), axes.allowed(centres.take(some))
     within = axes.settings.gate * centres.sd[some] + 2 * axes.settings.as_made
-    slack, out = axes.settings.wall_slack, np.zeros(len(Ts))
+    out = np.zeros(len(Ts))
     for k, T in enumerate(SE3.inverse(Ts)):
         off = SE3.apply(T, centres.landmarks[some])[:, None] - a
-        t = np.clip(np.sum(off * along, axis=-1) / squares, -slack, 1 + slack)
+        t = np.sum(off * along, axis=-1) / squares
         beside = np.linalg.norm(off - t[..., None] * along, axis=-1)
         nearest = np.where(allowed, beside, np.inf).min(axis=1)
         out[k] = np.sum(np.minimum((nearest / within) ** 2, 9.0))
@@ -178,23 +186,78 @@ def _costs(centres: ContactPoints, axes: Axes, Ts: Transforms) -> FloatArray:
 
 
 def _refined(
-    points: ContactPoints, core: _core.Problem, prepared: PreparedPart, axes: Axes, Ts: Transforms
+    points: ContactPoints, core: _core.Problem, prepared: PreparedPart, axes: Axes, Ts: Transforms, prior: Transforms
 ) -> Transforms:
     """Refine poses by all points, with scales from the depth of a hole down to the noise.
 
-    Centres leave the height open, so the nearest surface of a point may be a face on the wrong side. Each pose is also
-    tried after slides along the holes, up and down.
+    Centres leave the height open: each pose is also tried after slides along the axes.
     """
     both = (np.flatnonzero(points.centres), np.flatnonzero(~points.centres))
     few = axes.settings.few_points  # evenly spaced rows of either kind
     rows: Indices = np.concatenate([r[np.linspace(0, len(r) - 1, min(len(r), few)).astype(int)] for r in both])
     along = axes.ends[:, 1] - axes.ends[:, 0]
     deep = float(np.median(np.linalg.norm(along, axis=1)))
-    slides = np.tile(np.eye(4), (3, 1, 1))
-    slides[:, :3, 3] = np.outer([0.0, -0.5 * deep, 0.5 * deep], np.linalg.svd(along, full_matrices=False)[2][0])
-    Ts = (Ts[:, None] @ slides).reshape(-1, 4, 4)
+    direction = np.linalg.svd(along, full_matrices=False)[2][0]
+    touched = points.points[rows[len(rows) - min(len(both[1]), few) :]]
+    slides = _slides(prepared.part, direction, Ts, touched, prior)
+    moves = np.tile(np.eye(4), (*slides.shape, 1, 1))
+    moves[..., :3, 3] = slides[..., None] * direction
+    Ts = (Ts[:, None] @ moves).reshape(-1, 4, 4)
     end = 2 * float(np.median(points.sd))
     count = max(4, int(np.ceil(np.log(max(deep / end, 1.0)) / (2 * axes.settings.scale_step))) + 1)
     scales = np.geomspace(max(deep, end), end, count)
     refined, *_ = _core.refine_poses(prepared.shape, core, rows.astype(np.int32), scales, np.ascontiguousarray(Ts))
     return np.asarray(refined)
+
+
+_SLIDES = 3
+"""Number of slides along the axes at which each pose is tried."""
+
+
+def _slides(part: Part, direction: Vectors, Ts: Transforms, touched: Vectors, prior: Transforms) -> FloatArray:
+    """Return slides along the axes that bring touched points to heights of faces, or the part to its prior ``(S, k)``.
+
+    Args:
+        part: the part.
+        direction: common direction of the axes, part frame ``(3,)``.
+        Ts: poses ``(S, 4, 4)``.
+        touched: touched points in the world ``(m, 3)`` [m].
+        prior: prior poses ``(A, 4, 4)``.
+    """
+    back = SE3.inverse(Ts)
+    if len(touched):
+        planes = part.planes.Ts_part_feature
+        level = np.abs(planes[:, :3, 2] @ direction) > 1 - 0.5 * _LEVEL**2
+        heights = np.unique(np.round(np.r_[planes[level, :3, 3] @ direction, *_ends(part, direction)], 6))
+        at = SE3.apply(back[:, None], touched[None]) @ direction
+        slides = (at[:, :, None] - heights).reshape(len(Ts), -1)
+        off = np.abs(at[:, None, :, None] - slides[:, :, None, None] - heights).min(axis=-1)
+        costs = np.minimum(off / (np.ptp(heights) + 1e-9), _SAME_HEIGHT).sum(axis=-1)
+        best = np.argsort(costs, axis=1, kind="stable")
+        chosen = np.take_along_axis(slides, best[:, : 4 * _SLIDES * len(touched)], axis=1)
+        return np.stack([_different(own, np.ptp(heights) * _SAME_HEIGHT)[:_SLIDES] for own in chosen])
+    if len(prior):
+        away = SE3.apply(prior[:_SLIDES], part.centroid)
+        return np.asarray((SE3.apply(back[:, None], away[None]) - part.centroid) @ direction)
+    return np.zeros((len(Ts), 1))
+
+
+_LEVEL = 0.05
+"""Largest angle of a face's normal to the axes at which the face has one height [rad]."""
+
+_SAME_HEIGHT = 0.02
+"""Difference of two heights, over the part's extent along the axes, at which they count as one."""
+
+
+def _ends(part: Part, direction: Vectors) -> tuple[float, float]:
+    along = part.vertices @ direction
+    return float(along.min()), float(along.max())
+
+
+def _different(slides: FloatArray, within: float) -> FloatArray:
+    """Return the first slides that differ by more than a distance, the last one repeated to the length of all."""
+    out = list[float]()
+    for one in slides:
+        if all(abs(one - other) > within for other in out):
+            out.append(float(one))
+    return np.array(out + [out[-1]] * (len(slides) - len(out)))
