@@ -1,9 +1,9 @@
 """Recognize plates and flanges by their holes: ``python benchmarks/holes.py [scenes] [families] [seed]``.
 
 Each family has ten random plates and round flanges with holes, some with a hub. One part is sensed in any pose: the
-centres of up to six holes and bosses to 0.03 mm at any depth, all at a rim, or all moved by up to 200 mm along their
-axes as tables in two dimensions have them, and four points of the face; every other
-scene has radius and side as well. Twins are ten copies of one plate with one hole each displaced by 1 to 5 mm; all
+centres of up to six holes and bosses to 0.03 mm, and four points of the face. The centres are at any depth, all at a
+rim, or all moved by up to 200 mm along their axes, as tables in two dimensions have them. Every other scene has radius
+and side as well. Twins are ten copies of one plate with one hole each displaced by 1 to 5 mm; all
 their
 holes are sensed. A last figure is the time of labelled touches on five sides, where a half turn fits similarly well.
 """
@@ -114,7 +114,7 @@ def sensed_holes(part, spec, T, rng, *, sized, most):
     away = rng.uniform(-0.2, 0.2)
     depths = [rng.uniform() if where == 0 else 1.0 for _ in some]
     centres = np.array([r.ends[0] + t * (r.ends[1] - r.ends[0]) for r, t in zip(some, depths, strict=True)])
-    centres = centres + [0, 0, away * (where == 2)]
+    centres[:, 2] += away * (where == 2)
     face = on_top(part, spec, 4, rng)
     p = np.concatenate([centres, face]) @ T[:3, :3].T + T[:3, 3]
     n, m = len(centres), len(face)

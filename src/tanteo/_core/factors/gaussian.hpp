@@ -6,7 +6,7 @@
 
 namespace tanteo {
 
-// Density of a position p measured beside an infinite line through a: normal across it, N(u; 0, C_uu), whatever the position
+// Density of a position p measured beside an infinite line through a: normal across it, N(u; 0, C_uu), at any position
 // along it. Sets the component except weight and element; returns 0 if p is beyond REACH.
 inline double line_density(const Vec3& a, const Vec3& direction, const Vec3& p, const Mat3& C, Component& component) {
     const Vec3 off = p - a;

@@ -36,6 +36,9 @@ struct Design {
     }
 };
 
+// Height of the lowest point of a part over a table [m], and its derivatives by a small motion about the part's centre.
+double height_over_table(const Shape& shape, const Table& table, const Pose& pose, double row[6]);
+
 class Likelihood {
   public:
     Likelihood(const Shape& shape, const Problem& problem);
