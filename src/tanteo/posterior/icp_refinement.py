@@ -14,7 +14,7 @@ def refine_poses(problem: Problem, part: PreparedPart, Ts: Transforms, scales: F
     """Refine poses by robust Gauss-Newton steps of the points to the surface, one step for each scale.
 
     Args:
-        problem: problem whose points are matched to the surface; its priors have no effect.
+        problem: problem whose points are matched to the surface; its priors of the pose hold, widened by the scale.
         part: the part.
         Ts: initial poses ``(S, 4, 4)``.
         scales: scale of the robust kernel in each step ``(K,)`` [m].

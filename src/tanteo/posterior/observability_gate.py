@@ -6,7 +6,7 @@ import numpy as np
 
 from tanteo.factors import AxisCentre
 from tanteo.posterior.problem import Problem
-from tanteo.posterior.settings import FEWEST
+from tanteo.posterior.settings import FEWEST, POSE_DOF
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
     AllOnFurniture,
@@ -17,6 +17,20 @@ from tanteo.words.findings import (  # fmt: skip
     TooFewReadings,
     TwoCentres,
 )
+
+_TIGHT = 0.01
+"""Standard deviation of a prior at the part's corners, over its radius, up to which it fixes a direction: a reading
+then measures the others (row prior of ``benchmarks/few_touches.py``)."""
+
+
+def open_directions(problem: Problem) -> int:
+    """Return the number of directions of the pose that its prior leaves open, 6 without a prior pose."""
+    pose = problem.priors.pose
+    if pose is None or pose.covariance is None or pose.covariance.ndim != 2:
+        return POSE_DOF
+    scale = np.r_[np.ones(3), np.full(3, problem.priors.radius)]
+    sds = np.sqrt(np.linalg.eigvalsh(pose.covariance * np.outer(scale, scale)))
+    return int(np.count_nonzero(sds > _TIGHT * problem.priors.radius))
 
 
 def observability_gate(problem: Problem) -> Finding | None:
@@ -33,7 +47,7 @@ def observability_gate(problem: Problem) -> Finding | None:
         return OneCentre(slides)
     if len(points) == 2 and points.centres.all() and not (named or points.oriented.any()):
         return TwoCentres(slides)
-    if points.constrained < FEWEST:
+    if points.constrained < min(FEWEST, open_directions(problem)):
         return TooFewReadings(len(points))
     if named or points.oriented.any() or np.count_nonzero(points.centres) > 1:
         return None

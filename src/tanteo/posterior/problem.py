@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -178,6 +179,8 @@ class Problem:
             return np.zeros((0, 4, 4)), np.zeros((0, 6, 6)), np.zeros(0)
         roots = np.swapaxes(np.linalg.cholesky(np.linalg.inv(known.covariances)), -1, -2)
         log = known.log_weights - 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(known.covariances)[1]
+        turn = np.sqrt(np.linalg.eigvalsh(known.covariances[:, 3:, 3:])[:, -1])
+        log = log - np.log([math.erf(np.pi / (np.sqrt(2) * one)) for one in turn])  # no rotation exceeds half a turn
         turns = prepared.part.symmetry.Ts
         if len(turns) == 1:
             return known.Ts, roots, log

@@ -56,20 +56,38 @@ void root_by_motion(const PosePrior& prior, const double* J, const Vec3& c, doub
 
 }  // namespace
 
+// The whitened residuals of a pose, and the derivatives of the tangent vector by a small motion from the right.
+static double residuals(const PosePrior& normal, const Pose& pose, double r[6], double J[36]) {
+    double xi[6], q = 0;
+    log_motion(transposed(normal.mean.R) * pose.R, transposed_times(normal.mean.R, pose.t - normal.mean.t), xi, J);
+    for (int i = 0; i < 6; ++i) {
+        r[i] = 0;
+        for (int a = 0; a < 6; ++a) r[i] += normal.root[6 * i + a] * xi[a];
+        q += r[i] * r[i];
+    }
+    return q;
+}
+
+void nearest_normal_pose(const std::vector<PosePrior>& normals, const Pose& pose, const Vec3& centre, double r[6],
+                         double rows[36]) {
+    double best = -1e300, own[6], J[36];
+    for (const PosePrior& normal : normals) {
+        const double log = normal.log_weight - 0.5 * residuals(normal, pose, own, J);
+        if (log <= best) continue;
+        best = log;
+        std::copy_n(own, 6, r);
+        root_by_motion(normal, J, centre, rows);
+    }
+}
+
 double add_normal_poses(const std::vector<PosePrior>& normals, const Pose& pose, const Slope* slope) {
     const size_t count = normals.size();
     std::vector<double> logs(count), r(6 * count), rows(slope ? 36 * count : 0);
     double top = -1e300, sum = 0;
     for (size_t k = 0; k < count; ++k) {
         const PosePrior& normal = normals[k];
-        double xi[6], J[36];
-        log_motion(transposed(normal.mean.R) * pose.R, transposed_times(normal.mean.R, pose.t - normal.mean.t), xi, J);
-        double q = 0;
-        for (int i = 0; i < 6; ++i) {
-            double& ri = r[6 * k + i];
-            for (int a = 0; a < 6; ++a) ri += normal.root[6 * i + a] * xi[a];
-            q += ri * ri;
-        }
+        double J[36];
+        const double q = residuals(normal, pose, &r[6 * k], J);
         logs[k] = normal.log_weight - 0.5 * q;
         top = std::max(top, logs[k]);
         if (slope) root_by_motion(normal, J, slope->centre, &rows[36 * k]);

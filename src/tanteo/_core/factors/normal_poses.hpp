@@ -12,6 +12,11 @@
 
 namespace tanteo {
 
+// The whitened residuals of the most probable normal density at a pose, and their derivatives by a small motion about a
+// centre, six for each residual.
+void nearest_normal_pose(const std::vector<PosePrior>& normals, const Pose& pose, const Vec3& centre, double r[6],
+                         double rows[36]);
+
 double add_normal_poses(const std::vector<PosePrior>& normals, const Pose& pose, const Slope* slope);
 
 class NormalPoses : public PoseTerm {

@@ -85,7 +85,17 @@ double Likelihood::add_pose_prior(const Pose& pose, bool with_slope) {
 
 // Height of the lowest point over the table, in standard deviations.
 double Likelihood::add_table(const Pose& pose, bool with_slope) {
-    const Vec3 n = transposed_times(pose.R, problem.table.normal);
+    double row[6];
+    const double r = height_over_table(shape, problem.table, pose, row) / problem.table.sd;
+    if (with_slope) {
+        for (double& x : row) x /= problem.table.sd;
+        add_residuals(1, &r, row, 1);
+    }
+    return -0.5 * r * r;
+}
+
+double height_over_table(const Shape& shape, const Table& table, const Pose& pose, double row[6]) {
+    const Vec3 n = transposed_times(pose.R, table.normal);
     double least = 1e300;
     Vec3 lowest;
     for (const Vec3& v : shape.hull) {
@@ -95,14 +105,9 @@ double Likelihood::add_table(const Pose& pose, bool with_slope) {
             lowest = v;
         }
     }
-    const double r = (least + dot(pose.t - problem.table.point, problem.table.normal)) / problem.table.sd;
-    if (with_slope) {
-        double row[6];
-        store((1 / problem.table.sd) * n, row);
-        store((1 / problem.table.sd) * cross(lowest - shape.centre, n), row + 3);
-        add_residuals(1, &r, row, 1);
-    }
-    return -0.5 * r * r;
+    store(n, row);
+    store(cross(lowest - shape.centre, n), row + 3);
+    return least + dot(pose.t - table.point, table.normal);
 }
 
 }  // namespace tanteo

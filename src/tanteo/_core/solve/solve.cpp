@@ -1,5 +1,7 @@
 #include "solve/solve.hpp"
 
+#include "factors/normal_poses.hpp"
+#include "solve/likelihood.hpp"
 #include "solve/maximize.hpp"
 #include "parallel.hpp"
 
@@ -47,6 +49,32 @@ void add_normal(NormalEquations<K>& at, const Vec3& n, const Vec3& m, double sd)
     }
 }
 
+// Adds the priors of the pose: the normal density with the largest share, and the height over a table. Both are widened by
+// the scale, so that a step does not jump beyond what the points show.
+template <int K>
+void add_pose_priors(NormalEquations<K>& at, const Shape& shape, const Problem& problem, const Pose& pose, double scale) {
+    const auto add = [&](const double* row6, double r, double weight) {
+        double row[K] = {};
+        std::copy_n(row6, 6, row);
+        at.add(row, r, weight);
+    };
+    if (!problem.priors.empty()) {
+        double r[6], rows[36];
+        nearest_normal_pose(problem.priors, pose, shape.centre, r, rows);
+        for (int i = 0; i < 6; ++i) {
+            double moved = 0;  // how far the centre moves for one standard deviation of this row: the larger, the firmer
+            for (int a = 0; a < 3; ++a) moved += rows[6 * i + a] * rows[6 * i + a];
+            for (int a = 3; a < 6; ++a) moved += rows[6 * i + a] * rows[6 * i + a] / (0.0625 * shape.diagonal * shape.diagonal);
+            add(rows + 6 * i, r[i], 1 / (1 + scale * scale * moved));
+        }
+    }
+    if (!problem.has_table) return;
+    double row[6];
+    const double height = height_over_table(shape, problem.table, pose, row), width = std::hypot(problem.table.sd, scale);
+    for (double& x : row) x /= width;
+    add(row, height / width, 1);
+}
+
 // Normal equations of the distances of points to the nearest surface, with the robust kernel of Geman and McClure (1987) at
 // a scale [m]. The cost is that of the kernel: 4 for a distant point. K = 7: the common offset of all points is a state, too.
 template <int K>
@@ -75,6 +103,7 @@ NormalEquations<K> surface_distances(const Shape& shape, const Problem& problem,
         if (squared(near.normal) > 0)
             add_normal(at, near.normal, m, std::max(factor.direction_sd, scale / (0.25 * shape.diagonal)));
     }
+    add_pose_priors(at, shape, problem, pose, scale);
     at.add_weak_prior(0.1 * shape.diagonal, 2, 1e-3);
     if constexpr (K > 6) {
         double J[K] = {};

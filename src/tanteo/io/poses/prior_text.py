@@ -23,6 +23,7 @@ _TABLE = "0+-1mm"
 _FURNITURE = "vise.stl@400,200,0mm 0,0,90deg +- 0.5mm"
 _MOST_TURN = np.pi / 3
 """Largest standard deviation of an attitude [rad]; beyond it the normal density wraps around half a turn within 3 sd.
+One direction may be free up to half a turn, such as the heading of a level part.
 """
 
 _GIVE_OR_TAKE = re.compile(r"\+-|\+/-|±")
@@ -148,15 +149,18 @@ def check_pose_prior(frame: UncertainFrame, name: str) -> UncertainFrame:
         name: name of the input, for messages.
 
     Raises:
-        InputError: a variance is zero, or the attitude's standard deviation exceeds 60 degrees.
+        InputError: a variance is zero, or the attitude's standard deviation exceeds 60 degrees about two axes, or half
+            a turn about one.
     """
-    turn = float(np.sqrt(np.linalg.eigvalsh(frame.C[3:, 3:])[-1]))
+    turns = np.sqrt(np.linalg.eigvalsh(frame.C[3:, 3:])[1:])
     if np.linalg.eigvalsh(frame.C)[0] <= 0:
         raise InputError(f"{name}: expected a positive variance in every direction, got zero. Give a positive one.")
-    if turn > _MOST_TURN:
+    if turns[0] > _MOST_TURN or turns[1] > np.pi * (1 + 1e-9):
+        wrong = turns[0] if turns[0] > _MOST_TURN else turns[1]
         raise InputError(
-            f"{name}: expected an attitude known to {np.degrees(_MOST_TURN):.0f} degrees (1 sd) or better, got "
-            f"{np.degrees(turn):.0f}. Give a box for the place and leave the attitude open."
+            f"{name}: expected an attitude known to {np.degrees(_MOST_TURN):.0f} degrees (1 sd) or better about two "
+            f"axes, and to 180 about the third, got {np.degrees(wrong):.0f}. Give a box for the place and leave the "
+            "attitude open."
         )
     return frame
 

@@ -1,0 +1,90 @@
+"""Few touches and a true, tight prior: its free directions are searched; knowing more is never less honest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tanteo
+from tanteo import PosePrior, Priors, Readings, locate
+from tanteo.geometry import SE3, SO3
+from tanteo.io.poses.prior_text import parse_pose_prior
+from tanteo.posterior import Table
+
+PART = tanteo.read_part(Path(__file__).parents[2] / "examples" / "parts" / "bracket_left.step")
+SD = 2e-5
+
+
+def placed(rng):
+    """A pose that rests on a table at z 20 mm, with any heading."""
+    place = np.array([*rng.uniform(0.1, 0.4, 2), 0.02 - PART.vertices[:, 2].min()])
+    return SE3.from_parts(SO3.axis_rotation(2, rng.uniform(-np.pi, np.pi)), place)
+
+
+def touched(T, count, rng):
+    """Touches of faces that do not point down, uniform by area."""
+    corners = PART.vertices[PART.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(normals, axis=1)
+    normals = normals / areas[:, None]
+    weights = areas * (normals[:, 2] > -0.5)
+    rows = rng.choice(len(areas), count, p=weights / weights.sum())
+    q = np.einsum("nk,nki->ni", rng.dirichlet([1, 1, 1], count), corners[rows])
+    return Readings.from_columns(
+        points=SE3.apply(T, q) + SD * rng.normal(size=q.shape), sds=np.full(count, SD),
+        directions=-normals[rows] @ T[:3, :3].T,
+    )  # fmt: skip
+
+
+def farthest(T, other):
+    return float(np.linalg.norm(SE3.apply(T, PART.vertices) - SE3.apply(other, PART.vertices), axis=1).max())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_true_table_makes_no_part_unknown(seed):
+    rng = np.random.default_rng(seed)
+    T = placed(rng)
+    table = Table(np.array([0.0, 0.0, 0.02]), np.array([0.0, 0.0, 1.0]), 5e-5)
+    answer = locate(touched(T, 5, rng), PART, priors=Priors(pose=PosePrior(table=table)))
+    assert answer.unknown_probability < 0.5
+    near = [one for one in answer.hypotheses if farthest(T, one.T_world_part) < 4 * one.corner_sd]
+    assert near
+
+
+@pytest.mark.parametrize("sd", [30, 60, 180])
+def test_a_free_heading_with_a_level_is_searched(sd):
+    rng = np.random.default_rng(3)
+    T = placed(rng)
+    x, y, z = 1e3 * T[:3, 3]
+    frame = parse_pose_prior(f"{x + 60:.1f},{y - 50:.1f},{z:.3f}mm 0,0,0deg +- 300,300,0.05mm 0.01,0.01,{sd}deg")
+    yaw = np.degrees(np.arctan2(T[1, 0], T[0, 0]))
+    frame = frame if sd > 60 else parse_pose_prior(
+        f"{x + 60:.1f},{y - 50:.1f},{z:.3f}mm 0,0,{yaw + 0.7 * sd:.1f}deg +- 300,300,0.05mm 0.01,0.01,{sd}deg"
+    )  # fmt: skip
+    answer = locate(touched(T, 8, rng), PART, priors=Priors(pose=PosePrior(frame.T, frame.C)))
+    assert answer.status == "recognized"
+    assert farthest(T, answer.best.T_world_part) < 4 * max(answer.best.corner_sd, SD)
+
+
+def test_one_reading_measures_the_one_open_direction():
+    rng = np.random.default_rng(5)
+    T = placed(rng)
+    top = PART.vertices[:, 2].max()
+    flat = np.abs(PART.vertices[PART.triangles][:, :, 2] - top).max(axis=1) < 1e-9
+    at = SE3.apply(T, PART.vertices[PART.triangles[np.flatnonzero(flat)[0]]].mean(axis=0))
+    readings = Readings.from_columns(points=at[None], sds=np.array([1e-5]), directions=np.array([[0.0, 0.0, -1.0]]))
+    x, y, z = 1e3 * T[:3, 3]
+    yaw = np.degrees(np.arctan2(T[1, 0], T[0, 0]))
+    frame = parse_pose_prior(f"{x},{y},{z - 15}mm 0,0,{yaw}deg +- 0.005,0.005,30mm 0.003deg")
+    answer = locate(readings, PART, priors=Priors(pose=PosePrior(frame.T, frame.C)))
+    assert answer.status == "recognized"
+    assert farthest(T, answer.best.T_world_part) < 1e-4
+    wide = parse_pose_prior(f"{x},{y},{z - 15}mm 0,0,{yaw}deg +- 5,5,30mm 3deg")
+    assert locate(readings, PART, priors=Priors(pose=PosePrior(wide.T, wide.C))).status == "insufficient"
+
+
+def test_an_attitude_free_about_two_axes_is_refused():
+    with pytest.raises(tanteo.errors.InputError, match="about two axes"):
+        parse_pose_prior("0,0,0mm 0,0,0deg +- 5mm 1,90,180deg")
