@@ -1,8 +1,8 @@
 """Few touches with and without a true prior: ``python benchmarks/few_touches.py [scenes] [touches] [seed] [prior]``.
 
-The prior is ``table`` (height to 0.05 mm), ``level`` (height and tilt, heading to 20 degrees) or ``heading`` (height and
-tilt, heading open). The rows count answers that prefer an unknown object, recognized parts, wrong ones among them, and
-the mean probability of the true pose.
+The prior is ``table`` (height to 0.05 mm), ``level`` (height and tilt, heading to 20 degrees) or ``heading`` (height
+and tilt, heading open). The rows count answers that prefer an unknown object, recognized parts, and wrong ones among
+them. The last figure is the mean probability of the true pose.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Few touches and a true, tight prior: its free directions are searched; knowing more is never less honest."""
+"""Few touches and a true, tight prior: its free directions are searched."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ SD = 2e-5
 
 
 def placed(rng):
-    """A pose that rests on a table at z 20 mm, with any heading."""
+    """Return a pose that rests on a table at z 20 mm, with any heading."""
     place = np.array([*rng.uniform(0.1, 0.4, 2), 0.02 - PART.vertices[:, 2].min()])
     return SE3.from_parts(SO3.axis_rotation(2, rng.uniform(-np.pi, np.pi)), place)
 
 
 def touched(T, count, rng):
-    """Touches of faces that do not point down, uniform by area."""
+    """Return touches of faces that do not point down, uniform by area."""
     corners = PART.vertices[PART.triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.linalg.norm(normals, axis=1)
