@@ -235,7 +235,7 @@ def _slides(part: Part, direction: Vectors, Ts: Transforms, touched: Vectors, pr
         costs = np.minimum(off / (np.ptp(heights) + 1e-9), _SAME_HEIGHT).sum(axis=-1)
         best = np.argsort(costs, axis=1, kind="stable")
         chosen = np.take_along_axis(slides, best[:, : 4 * _SLIDES * len(touched)], axis=1)
-        return np.stack([_different(own, np.ptp(heights) * _SAME_HEIGHT)[:_SLIDES] for own in chosen])
+        return np.stack([_different(own, float(np.ptp(heights)) * _SAME_HEIGHT)[:_SLIDES] for own in chosen])
     if len(prior):
         away = SE3.apply(prior[:_SLIDES], part.centroid)
         return np.asarray((SE3.apply(back[:, None], away[None]) - part.centroid) @ direction)

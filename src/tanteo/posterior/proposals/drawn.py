@@ -167,7 +167,8 @@ def _attitudes(
     table = None if pose is None else pose.table
     if known is None and table is None:
         return None
-    middle, information = np.zeros((n, 3)), np.zeros((n, 3, 3))
+    middle: Vectors = np.zeros((n, 3))
+    information: FloatArray = np.zeros((n, 3, 3))
     if known is None:
         assert table is not None
         R = SO3.exp(rng.uniform(-np.pi, np.pi, size=(n, 1)) * table.normal) @ _resting(prepared.part, table, n, rng)
