@@ -183,7 +183,8 @@ def _attitudes(
         unit = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), np.broadcast_to(w[:, None], (n, 3, 3))], axis=2)
         A = T0[:, :3, :3] @ SE3.exp(unit)[..., :3, 3].swapaxes(1, 2)
         spread = A @ (C[:, :3, :3] - gain @ C[:, 3:, :3]) @ A.swapaxes(1, 2)
-        R, middle, information = there[:, :3, :3], there[:, :3, 3], np.linalg.inv(spread)
+        R, middle = there[:, :3, :3], there[:, :3, 3]
+        information = np.asarray(np.linalg.inv(spread), dtype=np.float64)
     if table is None:
         return R, middle, information
     z = table.normal
@@ -191,7 +192,8 @@ def _attitudes(
     of_table = np.outer(z, z) / table.sd**2
     right = np.einsum("nij,nj->ni", information, middle) + ((z @ table.point - low) / table.sd**2)[:, None] * z
     information = information + of_table
-    middle = np.linalg.solve(information + 1e-9 * np.trace(of_table) * np.eye(3), right[..., None])[..., 0]
+    ridge = 1e-9 * np.trace(of_table) * np.eye(3)
+    middle = np.asarray(np.linalg.solve(information + ridge, right[..., None])[..., 0], dtype=np.float64)
     return R, middle, information
 
 
