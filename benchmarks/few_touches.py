@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from tanteo import PosePrior, Priors, Readings, locate, read_part
-from tanteo.geometry import SE3, SO3
-from tanteo.io.poses.prior_text import spread_pose
+from tanteo.geometry import ROS, SE3, SO3, uncertain_frame
+from tanteo.geometry.named import NamedCovariance
 from tanteo.posterior import Table
 
 SD, HEIGHT_SD = 2e-5, 5e-5
@@ -44,7 +44,7 @@ def prior_of(T, kind, rng):
     about = SO3.axis_rotation(2, heading) @ T[:3, :3]
     near = SE3.from_parts(about, T[:3, 3] + [*(0.1 * rng.normal(size=2)), height])
     sds = [np.radians(0.01)] * 2 + [np.pi if kind == "heading" else np.radians(20)]
-    frame = spread_pose(near, [0.1, 0.1, HEIGHT_SD], sds)
+    frame = uncertain_frame(NamedCovariance(near, np.diag([0.1, 0.1, HEIGHT_SD, *sds]) ** 2, ROS))
     return PosePrior(T_world_part=frame.T, covariance=frame.C)
 
 

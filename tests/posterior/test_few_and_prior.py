@@ -10,7 +10,7 @@ import pytest
 import tanteo
 from tanteo import PosePrior, Priors, Readings, locate
 from tanteo.geometry import SE3, SO3
-from tanteo.io.poses.prior_text import parse_pose_prior
+from tanteo.io.poses import parse_pose_prior
 from tanteo.posterior import Table
 
 PART = tanteo.read_part(Path(__file__).parents[2] / "examples" / "parts" / "bracket_left.step")
