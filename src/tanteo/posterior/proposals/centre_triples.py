@@ -211,7 +211,7 @@ def _refined(
 
 
 _SLIDES = 3
-"""Number of slides along the axes at which each pose is tried."""
+"""Numerical: number of slides along the axes from which each pose is refined."""
 
 
 def _slides(part: Part, direction: Vectors, Ts: Transforms, touched: Vectors, prior: Transforms) -> FloatArray:
@@ -243,10 +243,10 @@ def _slides(part: Part, direction: Vectors, Ts: Transforms, touched: Vectors, pr
 
 
 _LEVEL = 0.05
-"""Largest angle of a face's normal to the axes at which the face has one height [rad]."""
+"""Numerical: largest angle of a face's normal to the axes at which the face has one height [rad]."""
 
 _SAME_HEIGHT = 0.02
-"""Difference of two heights, over the part's extent along the axes, at which they count as one."""
+"""Numerical: difference of heights, over the part's extent along the axes, within which refinement decides."""
 
 
 def _ends(part: Part, direction: Vectors) -> tuple[float, float]:
