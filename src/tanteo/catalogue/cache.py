@@ -26,7 +26,7 @@ import numpy.typing as npt
 from tanteo.catalogue.archive import FORMAT_VERSION, part_from_bytes, part_to_bytes
 from tanteo.errors import InputError
 from tanteo.parts import Part
-from tanteo.parts.readers import CAD_READERS, LARGEST_FILE
+from tanteo.parts.readers import CAD_READERS, LARGEST_FILE, split_body
 from tanteo.replaced import replaced
 
 _CHECKSUM = 8
@@ -182,11 +182,12 @@ def cache_key(path: Path, unit: str | None) -> str | None:
         Name of the entry. None if the file cannot be read, is too large for a part, or refers to other files, or if a
         plug-in reads it that has no fingerprint.
     """
+    path, body = split_body(path)
     suffix = path.suffix.lower()
     plugin = CAD_READERS.fingerprint(suffix.removeprefix("."))
     if plugin is None:
         return None
-    digest = hashlib.sha256(f"{FORMAT_VERSION}|{suffix}|{unit or ''}|{plugin}".encode())
+    digest = hashlib.sha256(f"{FORMAT_VERSION}|{suffix}|{unit or ''}|{plugin}|{body}".encode())
     try:
         if path.stat().st_size > LARGEST_FILE:
             return None

@@ -26,6 +26,7 @@ from tanteo.catalogue.record import Record, record_from_bytes
 from tanteo.catalogue.worker import memory_for, memory_of
 from tanteo.errors import InputError
 from tanteo.parts import Part
+from tanteo.parts.readers import split_body
 
 LEAST_SECONDS, SECONDS_PER_BYTE, MOST_SECONDS = 15.0, 60e-6, 600.0
 """Limit of processor time for a file: constant [s] (a worker starts in 2 s), per byte [s] (40 times the slowest file),
@@ -68,7 +69,7 @@ def seconds_for(path: str) -> float:
         path: path of the file.
     """
     with suppress(OSError):
-        return min(LEAST_SECONDS + SECONDS_PER_BYTE * os.stat(path).st_size, MOST_SECONDS)
+        return min(LEAST_SECONDS + SECONDS_PER_BYTE * split_body(path)[0].stat().st_size, MOST_SECONDS)
     return LEAST_SECONDS
 
 

@@ -16,7 +16,7 @@ from tanteo.catalogue.store import is_catalogue
 from tanteo.catalogue.worker import attempt
 from tanteo.errors import InputError, PartError, UnitError, check_kind
 from tanteo.parts import Part, read_part
-from tanteo.parts.readers import check_file, is_unitless, readable_suffixes, unit_name
+from tanteo.parts.readers import check_file, is_unitless, readable_suffixes, split_body, unit_name
 from tanteo.values import FEW, Value, html_table
 
 FEW_MESHES, SMALL_FILE = 16, 300_000
@@ -258,9 +258,15 @@ def _inside(folder: Path) -> tuple[dict[str, Path], list[Path]]:
     return files, nowhere
 
 
+def _stem(file: Path) -> str:
+    """Return the stem of a file, with the body that its path selects."""
+    whole, body = split_body(file)
+    return f"{whole.stem}#{body}" if body else whole.stem
+
+
 def _names(files: list[Path], others: set[str]) -> list[str]:
     """Return a unique name for each file: its stem, extended by as much of the path as necessary."""
-    longer: list[Callable[[Path], str]] = [lambda file: file.stem, lambda file: file.name]
+    longer: list[Callable[[Path], str]] = [_stem, lambda file: file.name]
     longer += [lambda file: f"{file.resolve().parent.name}/{file.name}", lambda file: str(file.resolve())]
     names: dict[Path, str] = {}
     for naming in longer:

@@ -10,7 +10,7 @@ from tanteo.geometry.typing import FloatArray, IntArray, Vectors
 from tanteo.parts import Part
 from tanteo.parts.faces import exact_faces
 
-SHAPE = "shape6"
+SHAPE = "shape7"
 """Kind and version of the compiled bytes; increase the number whenever the content of a shape changes."""
 
 SAMPLES = 1024

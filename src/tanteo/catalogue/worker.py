@@ -20,6 +20,7 @@ from tanteo.catalogue.cache import load
 from tanteo.catalogue.record import Record, record_of, record_to_bytes
 from tanteo.errors import TanteoError
 from tanteo.parts import read_part
+from tanteo.parts.readers import split_body
 
 Read = TypeVar("Read")
 
@@ -116,7 +117,7 @@ def memory_of(path: str) -> int:
         path: path of the file.
     """
     with suppress(OSError, ValueError):
-        return LEAST_MEMORY + MEMORY_PER_BYTE * os.stat(path).st_size
+        return LEAST_MEMORY + MEMORY_PER_BYTE * split_body(path)[0].stat().st_size
     return LEAST_MEMORY
 
 

@@ -126,7 +126,8 @@ def _corners(on: _On) -> _Found:
 
 def _walls(on: _On) -> _Found:
     for one in round_features(on.part):
-        rows = np.concatenate([on.rows.get(f, np.zeros(0, dtype=np.int64)) for f in one.faces])
+        none = np.zeros(0, dtype=np.int64)
+        rows = np.concatenate([none, *(on.rows.get(f, none) for f in one.faces)])
         if len(rows) >= _WALL:
             yield one.faces, f"the wall of {one.name} ({on.name(one.faces)})", _apart(rows, on.place, _WALL)
 

@@ -10,6 +10,7 @@ import numpy as np
 from tanteo.features import SharedError
 from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.typing import BoolArray
+from tanteo.parts import round_features
 from tanteo.posterior.answers.pose_prior import Table
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.answers.results import Hypothesis, Status
@@ -29,6 +30,7 @@ from tanteo.posterior.diagnostics import (
 from tanteo.posterior.dominant_error import dominant_shared_error
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
 from tanteo.posterior.posterior import Posterior
+from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.prior_check import PriorCheck
 from tanteo.posterior.stable_poses import nearest_stable_pose
 from tanteo.words import Finding
@@ -40,8 +42,15 @@ from tanteo.words.findings import (
     OneRegion,
     OnOtherSide,
     PriorContradicted,
+    TooCoarse,
     WorstReading,
 )
+
+_NINETY_FIVE = 1.96
+"""Numerical: standard deviations of a normal error within which 95 % are."""
+
+_FLAT = 1e-6
+"""Numerical: size over the diagonal below which a feature has no extent, and the depth of a ray below its face."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,6 +104,8 @@ def verdict_of(
     findings: tuple[Finding, ...] = (finding,)
     if status == "unknown" and not check.elsewhere:
         status, findings = _known_after_all(findings, hypotheses, outcome.chosen, posterior)
+    if status == "recognized" and (coarse := _too_coarse(hypotheses[0], found[0].mode.prepared, priors)):
+        status, findings = "insufficient", (coarse,)
     more: list[Finding | None] = []
     if found and hypotheses:
         plane, explained = plane_of_outliers(found[0], hypotheses[0].corner_sd)
@@ -164,6 +175,49 @@ def _doubted(
         return "ambiguous", (*findings, CloseTogether())
     doubt = against_labels(best, priors)
     return ("ambiguous", (doubt,)) if doubt is not None else ("recognized", findings)
+
+
+def _too_coarse(best: Hypothesis, prepared: PreparedPart, priors: Priors) -> Finding | None:
+    """Return a finding if the pose is less certain than the smallest feature is large; None otherwise.
+
+    A prior pose states its own uncertainty, which the user accepts.
+    """
+    if priors.pose is not None and priors.pose.T_world_part is not None:
+        return None
+    limit, what = smallest_feature(prepared)
+    bound = _NINETY_FIVE * best.corner_sd
+    return TooCoarse(best.part, bound, limit, what) if bound > limit else None
+
+
+def smallest_feature(prepared: PreparedPart) -> tuple[float, str]:
+    """Return the size of the smallest feature of a part [m] and its name: a wall, a hole, a boss, or the whole part.
+
+    Args:
+        prepared: the part.
+    """
+    part = prepared.part
+    if "smallest" not in part.derived:
+        sizes = [(part.diagonal, "its diagonal")]
+        sizes += [(2 * float(one.radii.min()), f"the diameter of {one.name}") for one in round_features(part)]
+        sizes += [(thickness, "its thinnest wall") for thickness in _walls(prepared)]
+        part.derived["smallest"] = min(size for size in sizes if size[0] > _FLAT * part.diagonal)
+    smallest: tuple[float, str] = part.derived["smallest"]
+    return smallest
+
+
+def _walls(prepared: PreparedPart) -> list[float]:
+    """Return the thickness of the material behind the largest triangle of each flat face; none if the part is open."""
+    part = prepared.part
+    if not part.closed or not len(part.planes):
+        return []
+    corners = part.vertices[part.triangles]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    order = np.lexsort((-areas, part.triangle_face))
+    first = order[np.searchsorted(part.triangle_face[order], part.planes.faces)]
+    inward = -part.planes.normals
+    starts = corners[first].mean(axis=1) + _FLAT * part.diagonal * inward
+    thickness = prepared.surface.cast(starts, inward).distances
+    return [float(one) for one in thickness if np.isfinite(one)]
 
 
 def _close_together(best: GoodnessOfFit) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 from tanteo.catalogue import read_parts
 from tanteo.errors import InputError, PartError
 from tanteo.parts import Part
+from tanteo.parts.readers import split_body
 from tanteo.posterior import PreparedPart
 
 
@@ -126,6 +127,7 @@ def _inside(folders: Sequence[str | Path]) -> list[Path]:
 
 def _bytes(path: Path) -> bytes | None:
     try:
-        return path.read_bytes() if path.is_file() else None
+        whole, _ = split_body(path)
+        return whole.read_bytes() if whole.is_file() else None
     except (OSError, ValueError):
         return None

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.geometry.typing import FloatArray, IntArray, Vectors
+from tanteo.parts.faces.bare_rims import BareRim, bare_rims
 from tanteo.parts.faces.elements import Face
 from tanteo.parts.faces.surfaces import surface_offsets
 from tanteo.parts.faces.walls import SAME, Wall, corners_of, walls_of
@@ -53,8 +54,8 @@ class RoundFeature:
     Attributes:
         name: name such as ``hole 3`` or ``boss 4``; the number is the index in :func:`round_features`.
         hole: True for a hole, False for a boss.
-        surface: kind of the wall: ``cylinder`` or ``cone``.
-        faces: indices into :attr:`Part.faces` of the wall's faces.
+        surface: kind of the wall: ``cylinder`` or ``cone``; ``rim`` for an opening in a bare face, without a wall.
+        faces: indices into :attr:`Part.faces` of the wall's faces; empty without a wall.
         ends: points of the axis where the wall begins and ends, part frame ``(2, 3)`` [m].
         radii: radii at these ends ``(2,)`` [m]; equal for a cylinder.
         rims: rims at these ends.
@@ -136,7 +137,7 @@ def round_features(part: Part) -> tuple[RoundFeature, ...]:
     """Return the holes and bosses of a part in the order of their first faces, cached with the part.
 
     Cylinders with equal axis, radius and side that overlap are one wall. Walls that extend over less than about half a
-    turn are roundings and are excluded.
+    turn are roundings and are excluded. Circular openings in bare faces are holes without a wall.
 
     Args:
         part: the part.
@@ -144,7 +145,9 @@ def round_features(part: Part) -> tuple[RoundFeature, ...]:
     if "rounds" not in part.derived:
         walls = walls_of(part)
         context = _Context.of(part) if walls else None
-        part.derived["rounds"] = tuple(_feature(context, k, wall) for k, wall in enumerate(walls) if context)
+        found = [_feature(context, k, wall) for k, wall in enumerate(walls) if context]
+        rims = [_of_rim(len(found) + k, rim) for k, rim in enumerate(bare_rims(part))]
+        part.derived["rounds"] = (*found, *rims)
     rounds: tuple[RoundFeature, ...] = part.derived["rounds"]
     return rounds
 
@@ -190,6 +193,18 @@ def _feature(context: _Context, number: int, wall: Wall) -> RoundFeature:
     through = all(opened) if hole and part.closed else None
     name = f"{'hole' if hole else 'boss'} {number}"
     return RoundFeature(name, hole, face.surface, wall.faces, ends, radii, (rims[0], rims[1]), through, residual)
+
+
+_FLAT = 1e-6
+"""Numerical: length of the axis of a hole without a wall [m], which gives it a direction."""
+
+
+def _of_rim(number: int, rim: BareRim) -> RoundFeature:
+    """Return an opening in a bare face as a hole without a wall."""
+    ends = rim.centre + 0.5 * _FLAT * np.array([[-1.0], [1.0]]) * rim.normal
+    both = [Rim(end, sign * rim.normal, rim.radius, (rim.face,), True) for end, sign in zip(ends, (-1, 1), strict=True)]
+    radii = np.full(2, rim.radius)
+    return RoundFeature(f"hole {number}", True, "rim", (), ends, radii, (both[0], both[1]), None, rim.residual)
 
 
 def _radius_at(face: Face, end: Vectors) -> float:

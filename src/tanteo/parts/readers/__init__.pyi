@@ -2,6 +2,7 @@ from .building import mirror_part as mirror_part
 from .files import LARGEST_FILE as LARGEST_FILE
 from .files import METRES as METRES
 from .files import check_file as check_file
+from .files import split_body as split_body
 from .files import unit_name as unit_name
 from .from_mesh import checked_mesh as checked_mesh
 from .from_mesh import part_of_mesh as part_of_mesh

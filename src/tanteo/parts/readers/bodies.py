@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Sewing
 from OCP.BRepGProp import BRepGProp
+from OCP.collections import List_TopoDS_Shape as Shapes
 from OCP.GProp import GProp_GProps
 from OCP.ShapeFix import ShapeFix_Shape, ShapeFix_Solid
+from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
 from OCP.TopAbs import TopAbs_FACE, TopAbs_SHAPE, TopAbs_SHELL, TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
@@ -133,6 +136,29 @@ def healed(solid: Any, diagonal: float) -> Any:
     fix.Perform()
     shells = explore(fix.Shape(), TopAbs_SHELL)
     return ShapeFix_Solid().SolidFromShell(TopoDS.Shell(shells[0])) if len(shells) == 1 else fix.Shape()
+
+
+def fused(solids: list[Any], diagonal: float) -> list[Any]:
+    """Return solids that touch or overlap as one body each, by the kernel's exact union; as given if it fails.
+
+    Args:
+        solids: solids of the CAD kernel.
+        diagonal: diagonal of the part [mm].
+    """
+    union = BRepAlgoAPI_Fuse()
+    arguments, tools = Shapes(), Shapes()
+    arguments.Append(solids[0])
+    for one in solids[1:]:
+        tools.Append(one)
+    union.SetArguments(arguments)
+    union.SetTools(tools)
+    union.SetFuzzyValue(1e-6 * diagonal)
+    union.Build()
+    if not union.IsDone() or union.Shape().IsNull():
+        return solids
+    merged = ShapeUpgrade_UnifySameDomain(union.Shape())
+    merged.Build()
+    return explore(merged.Shape(), TopAbs_SOLID) or solids
 
 
 def tessellated(shape: Any) -> list[Any]:

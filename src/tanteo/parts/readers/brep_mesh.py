@@ -14,7 +14,7 @@ from tanteo.errors import PartError
 from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.parts.faces.cuts import consistently_wound, cut
 from tanteo.parts.faces.gaps import open_edges
-from tanteo.parts.faces.sides import with_sides
+from tanteo.parts.faces.sides import united, with_sides
 from tanteo.parts.faces.surfaces import Kinds
 from tanteo.parts.readers.bodies import healed
 from tanteo.parts.readers.brep import BrepFace, brep_faces
@@ -166,6 +166,24 @@ def _carried(mesh: BrepMesh, points: FloatArray, triangles: IntArray) -> IntArra
     count = len(mesh.vertices)
     known = np.isin(pairs[:, 0] * count + pairs[:, 1], mesh.chords[:, 0] * count + mesh.chords[:, 1])
     return ends[known]
+
+
+def one_surface(mesh: BrepMesh) -> tuple[BrepMesh, list[str]]:
+    """Unite the bodies of a closed mesh that overlap or touch, so that only their outer surface remains.
+
+    Args:
+        mesh: closed mesh of one or more bodies.
+
+    Returns:
+        Mesh, and a sentence if bodies were united.
+    """
+    points, triangles, parents, steps = united(mesh.vertices, mesh.triangles)
+    if not steps:
+        return mesh, []
+    owners = mesh.owners[parents]
+    seen, owners = np.unique(owners, return_inverse=True)
+    chords = _carried(mesh, points, triangles)
+    return BrepMesh(points, triangles, owners.reshape(-1), [mesh.kinds[k] for k in seen], chords), steps
 
 
 def joined(meshes: list[BrepMesh]) -> BrepMesh:

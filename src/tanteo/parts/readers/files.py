@@ -86,6 +86,22 @@ def check_size(diagonal: float, unit: str, label: str, *, stated: bool) -> None:
     )
 
 
+def split_body(path: str | os.PathLike[str]) -> tuple[Path, str]:
+    """Return the file of a path, and the body of it that the path selects: ``stack.step#2`` or ``stack.step#Upper``.
+
+    Args:
+        path: path of a file, with ``#`` and the number or name of a body where only one is meant.
+
+    Returns:
+        File, and number or name of the body; empty for the whole file, also if a file has ``#`` in its own name.
+    """
+    given = Path(path)
+    name, mark, body = given.name.rpartition("#")
+    if not mark or not name or not body or given.exists():
+        return given, ""
+    return given.with_name(name), body
+
+
 def check_file(file: Path, label: str) -> None:
     """Refuse a path that is not a file: a broken or circular link, a folder, a device, a pipe, or nothing.
 
@@ -96,6 +112,7 @@ def check_file(file: Path, label: str) -> None:
     Raises:
         PartError: the path is not a file.
     """
+    file, _ = split_body(file)
     if file.is_file():
         return
     got = "nothing there"

@@ -77,13 +77,16 @@ def _mesh(path: Path) -> CadMesh:
 
 def _kernel(path: Path) -> CadFaces:
     """Read STEP or IGES; the faces are those of the file, with their exact surfaces."""
+    from tanteo.parts.readers.files import split_body
+
     try:
         from tanteo.parts.readers.step import load_step
     except ImportError as error:
         raise MissingExtraError(
             f"{path.name}: expected the CAD kernel to read STEP and IGES, got {error}. Run pip install 'tanteo[step]'."
         ) from error
-    draft, unit, notes = load_step(path, path.name)
+    whole, body = split_body(path)
+    draft, unit, notes = load_step(whole, path.name, body)
     return CadFaces(draft, unit, tuple(notes))
 
 

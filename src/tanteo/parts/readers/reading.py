@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tanteo.errors import InputError, PartError, UnitError
 from tanteo.geometry.typing import FloatArray
 from tanteo.parts.part import Part
-from tanteo.parts.readers.files import LARGEST_FILE, METRES, check_file, check_size, unit_name
+from tanteo.parts.readers.files import LARGEST_FILE, METRES, check_file, check_size, split_body, unit_name
 from tanteo.parts.readers.readers import CAD_READERS, CadFaces, CadReader, read_cad, readable_suffixes
 
 if TYPE_CHECKING:
@@ -106,15 +106,15 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
     Args:
         path: STEP (``.step``, ``.stp``), IGES (``.igs``, ``.iges``) or mesh file (``.stl``, ``.obj``, ``.ply``,
             ``.off``, ``.glb``, ``.3mf``), or a file with a suffix for which a reader is installed (group
-            ``tanteo.cad_readers``).
+            ``tanteo.cad_readers``). ``FILE.step#2`` and ``FILE.step#NAME`` select one body of a STEP file.
         unit: length unit of the coordinates: ``mm``, ``m``, ``in``, ``um``, ``cm`` or ``ft``. It is required for
             formats that carry no unit (STL, OBJ, PLY, OFF). It overrides the unit of other formats, and the part's
             repairs state that.
         name: name of the part; None for the file's stem.
 
     Returns:
-        Part in metres, in the file's own frame. Several bodies in one file make one part. An open surface is accepted,
-        and its repairs state that.
+        Part in metres, in the file's own frame. Several bodies in one file make one part with their outer surface. An
+        open surface is accepted, and its repairs state that.
 
     Raises:
         PartError: the file does not contain a surface of plausible size; the message names the fault.
@@ -132,12 +132,15 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
     if unit is not None:
         unit_name(unit)
     check_file(file, label)
-    suffix = file.suffix.lower()
+    whole, body = split_body(file)
+    suffix = whole.suffix.lower()
     reader = CAD_READERS.find(suffix.removeprefix(".")) if suffix else None
     if reader is None:
         known = ", ".join(readable_suffixes())
         raise PartError(f"{label}: expected one of {known}, got {suffix!r}. Export it as STEP.")
-    _check_content(file, label)
+    if body and suffix not in BODY_SUFFIXES:
+        raise PartError(f"{label}: expected a STEP file before '#{body}', got {suffix!r}. Drop '#{body}'.")
+    _check_content(whole, label)
     if reader.unitless and unit is None:
         raise UnitError(
             f"unit: expected the length unit of {label}, got none, and {suffix[1:].upper()} files carry none. "
@@ -148,7 +151,17 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
     from tanteo.parts.readers.from_mesh import diagonal_of_points
 
     check_size(diagonal_of_points(draft.vertices), own, label, stated=stated)
-    return build_part(draft, name=name or file.stem, source=os.fspath(path), unit=own, repairs=tuple(repairs))
+    return build_part(
+        draft,
+        name=name or (f"{whole.stem}#{body}" if body else whole.stem),
+        source=os.fspath(path),
+        unit=own,
+        repairs=tuple(repairs),
+    )
+
+
+BODY_SUFFIXES = (".step", ".stp")
+"""Suffixes of files of which one body may be selected."""
 
 
 def _draft(suffix: str, reader: CadReader, file: Path, unit: str | None) -> tuple[Draft, str, list[str], bool]:

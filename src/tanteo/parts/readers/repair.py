@@ -108,7 +108,7 @@ def _wound(points: FloatArray, faces: IntArray, repairs: list[str], diagonal: fl
         faces = outward(points, faces[:, ::-1] if consistent and total < 0.0 else faces, as_wound=consistent)
         if consistent and total < 0.0:
             repairs.append("Turned the surface inside out: its normals pointed into the material.")
-        points, faces, steps = united(points, faces)
+        points, faces, _, steps = united(points, faces)
     repairs += steps
     if count := crossings(points, faces):
         repairs.append(f"The surface crosses itself at {count} edges or more: it is not repaired.")

@@ -194,6 +194,7 @@ from tanteo.words.findings.verdicts import (
     PriorContradicted,
     SeveralParts,
     SeveralPoses,
+    TooCoarse,
     UnknownObject,
     WorstReading,
 )
@@ -363,6 +364,7 @@ __all__ = [
     "SurroundingsScanned",
     "ThinnedReadings",
     "TimedOut",
+    "TooCoarse",
     "TooFarApart",
     "TooFewReadings",
     "TooNarrow",

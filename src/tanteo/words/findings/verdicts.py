@@ -150,6 +150,25 @@ class OutlierOrVariant(Finding):
 
 
 @dataclass(frozen=True, slots=True)
+class TooCoarse(Finding):
+    """A part fits in one pose, but the pose is less certain than the smallest feature of the part is large.
+
+    Attributes:
+        part: name of the part.
+        corner: 95 % bound of the error at the worst corner of its box [m].
+        limit: size of the feature [m].
+        what: feature with article.
+    """
+
+    kind: ClassVar[str] = "too_coarse"
+    role: ClassVar[Role] = "verdict"
+    part: str
+    corner: float
+    limit: float
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
 class NoPart(Finding):
     """No part explains the readings at all.
 

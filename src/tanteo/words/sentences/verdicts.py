@@ -90,6 +90,15 @@ def _(one: f.OutlierOrVariant) -> Words:
 
 
 @words_of.register
+def _(one: f.TooCoarse) -> Words:
+    text = f"{one.part} fits, but its corners are known to {millimetres(one.corner)} only (95 %)"
+    return (
+        f"{text}, more than {one.what} ({millimetres(one.limit)}).",
+        "Sense places that are farther apart, or more of them.",
+    )
+
+
+@words_of.register
 def _(one: f.NoPart) -> Words:
     if one.missing:
         lacks = " and ".join(_CENTRED.get(kind, (f"nothing of kind {kind}", ""))[0] for kind in one.missing)
