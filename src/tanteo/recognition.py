@@ -25,6 +25,7 @@ from tanteo.posterior.convention_checks import about_conventions
 from tanteo.posterior.findings import about_frames, about_readings, scale_of
 from tanteo.posterior.settings import Settings
 from tanteo.sensors import PointMeasurements, Readings, Rig, measure, reading_kind, thinned, unstated_sd
+from tanteo.sensors.anomalies import without_repeats
 from tanteo.sensors.error_states import ErrorState
 from tanteo.sensors.presets import RobotPreset, SensorPreset
 from tanteo.words import Finding
@@ -116,6 +117,7 @@ def identify(
     start = time.perf_counter()
     check_length("tolerance", tolerance)
     parts = check_question(parts, significance, top, seed, priors)
+    readings, repeated = without_repeats(readings)
     given, readings = len(readings), thinned(readings)
     tip_sd, assumed = _with_tip(readings, None if as_published and tip_sd is None else tip_sd, as_published)
     unstated = unstated_sd(readings, sensor=sensor, sd=sd, rig=rig)
@@ -155,6 +157,8 @@ def identify(
         answer = answer.adding(CheckPrior())
     answer = _without_features(answer, readings, parts)
     answer = answer.adding(*about_readings(answer, readings, measured, rays, parts, settings))
+    if repeated is not None:
+        answer = answer.adding(repeated)
     if len(readings) < given:
         answer = answer.adding(ThinnedReadings(len(readings), given))
     if (whole := _of_whole(answer, priors, parts, settings)) is not None:

@@ -12,7 +12,7 @@ from tanteo import Readings, identify
 from tanteo.io import read_readings
 from tanteo.parts import read_part
 from tanteo.sensors import concatenate, measure
-from tanteo.sensors.anomalies import find_repeated
+from tanteo.sensors.anomalies import find_repeated, without_repeats
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 POINTS = np.arange(12.0).reshape(4, 3) / 100
@@ -72,3 +72,30 @@ def test_many_are_counted():
 def test_beams_without_hits_are_no_readings_of_a_place():
     free = Readings.from_columns(POINTS, directions=POINTS + 1, max_ranges=np.ones(4), is_free=np.ones(4, dtype=bool))
     assert find_repeated(measure(free)) is None
+
+
+def test_repeats_of_one_place_are_one_reading():
+    drift = 2e-6 * np.arange(10)[:, None] * [0, 0, 1]
+    readings = Readings.from_columns(np.concatenate([POINTS, POINTS[1] + drift]))
+    kept, found = without_repeats(readings)
+    assert kept.ids == ("1", "2", "3", "4")
+    assert found.sets == (("2", *map(str, range(5, 15))),)
+    assert found.drift == pytest.approx(2e-6, rel=0.2)
+    assert "repeat one place, and the first of each counts" in found.message
+
+
+@pytest.mark.parametrize(
+    "shift",
+    [[0.3e-4, 0, 1e-6], [2e-4, 0, 0]],
+    ids=["two axes", "a line of a scan"],
+)
+def test_touches_of_several_places_all_count(shift):
+    readings = Readings.from_columns(np.arange(5)[:, None] * np.array(shift))
+    kept, found = without_repeats(readings)
+    assert (len(kept), found) == (5, None)
+
+
+def test_touches_across_the_approach_are_no_repeats():
+    points = np.arange(5)[:, None] * np.array([1e-5, 0, 0])
+    readings = Readings.from_columns(points, directions=np.tile([0.0, 0, -1], (5, 1)))
+    assert without_repeats(readings)[1] is None

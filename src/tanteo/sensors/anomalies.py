@@ -1,4 +1,4 @@
-"""Find suspicious patterns in valid readings: repeated readings, and a sensor that reports a constant range."""
+"""Find patterns in valid readings: repeated readings, repeated places, and a sensor that reports a constant range."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.geometry.typing import IntArray
 from tanteo.sensors.measurements import PointMeasurements
 from tanteo.sensors.readings import Readings
-from tanteo.words.findings import Repeated, Stuck
+from tanteo.words.findings import Repeated, RepeatedPlaces, Stuck
 
 _SAME = 1e-9
 """Difference below which two coordinates [m] or direction components count as equal."""
@@ -19,6 +19,9 @@ _NAMED = 3
 
 _FINE, _FEW, _MANY = 1e-4, 4, 7
 """Resolution that separates fine from coarse sensors [m]; run lengths of equal ranges that chance does not explain."""
+
+_EQUAL_PLACES, _NEAR, _REPEATS = 2e-7, 1e-4, 3
+"""Tolerance of equal coordinates across the approach [m], extent along it [m] and number of repeats of one place."""
 
 _ROUNDING = 1e-9
 """Difference below which two ranges count as equal [m]."""
@@ -51,6 +54,57 @@ def _equal(measured: PointMeasurements) -> list[Sequence[str]]:
     for name, row in zip(measured.ids, inverse.tolist(), strict=True):
         sets.setdefault(row, []).append(name)
     return [ids for ids in sets.values() if len(ids) > 1]
+
+
+def without_repeats(readings: Readings) -> tuple[Readings, RepeatedPlaces | None]:
+    """Return the readings with one reading for each repeated place, and the finding; None if no place is repeated.
+
+    A place is repeated if three readings or more differ only along the approach (without an approach along one axis of
+    the world) and by 0.1 mm at most, as programs and probe tests repeat it. Repeats show the noise at their place, but
+    not that between places, so they count as one reading. The first is kept: a drift has moved it least.
+
+    Args:
+        readings: readings in the order of their acquisition.
+    """
+    sets = [rows for rows in _repeats(readings) if len(rows) >= _REPEATS]
+    if not sets:
+        return readings, None
+    points = readings.points.filled(np.nan)
+    middles = [points[rows] - points[rows].mean(axis=0) for rows in sets]
+    order = [np.arange(len(rows)) - 0.5 * (len(rows) - 1) for rows in sets]
+    spread = np.sqrt(sum(float(np.sum(m**2)) for m in middles) / sum(len(rows) - 1 for rows in sets))
+    drift = sum(float(np.linalg.norm(k @ m)) for k, m in zip(order, middles, strict=True)) / sum(
+        float(k @ k) for k in order
+    )
+    repeated = np.concatenate([rows[1:] for rows in sets])
+    kept = np.setdiff1d(np.arange(len(readings)), repeated)
+    ids = tuple(tuple(readings.ids[k] for k in rows) for rows in sets)
+    return readings.take(kept), RepeatedPlaces(ids, float(spread), drift)
+
+
+def _repeats(readings: Readings) -> list[IntArray]:
+    """Return the rows of each place whose readings differ only along the approach, or along one axis without one."""
+    found: dict[tuple[object, ...], list[int]] = {}
+    points, aims = readings.points.filled(np.nan), readings.directions.filled(np.nan)
+    rows = np.flatnonzero(readings.points.given & ~readings.is_free)
+    taken = np.zeros(len(readings), dtype=bool)
+    sets = []
+    for axis in range(3):
+        other = [k for k in range(3) if k != axis]
+        found.clear()
+        for k in rows[~taken[rows]]:
+            along = np.isnan(aims[k, axis]) or abs(aims[k, axis]) > 1 - _ROUNDING
+            if along:
+                place = np.round(points[k, other] / _EQUAL_PLACES).tolist()
+                aim = "" if np.isnan(aims[k, axis]) else float(np.sign(aims[k, axis]))
+                key = (*place, aim, readings.features[k], readings.kinds[k], float(readings.radii[k]))
+                found.setdefault(key, []).append(int(k))
+        for members in found.values():
+            same = np.array(members)
+            if len(same) >= _REPEATS and np.ptp(points[same, axis]) <= _NEAR:
+                sets.append(same)
+                taken[same] = True
+    return sets
 
 
 def find_stuck(readings: Readings) -> Stuck | None:

@@ -333,3 +333,14 @@ def test_the_rest_of_a_row_with_names_is_no_number(tmp_path):
     readings = read_readings(save(tmp_path, rows), units="mm")
     assert readings.ids[0] == "A MEAS p0"
     np.testing.assert_allclose(readings.points[3], [3.5e-3, 20.25e-3, 30.5e-3])
+
+
+def test_the_last_touch_of_a_search_counts(tmp_path):
+    path = save(
+        tmp_path,
+        "$13=0\n[PRB:1.000,2.000,-3.120:1]\n[PRB:1.000,2.000,-3.050:1]\n[PRB:9.000,2.000,-3.051:1]\n"
+        "[PRB:9.000,7.000,-3.100:1]\n[PRB:9.500,7.000,-3.100:1]\n",
+    )
+    readings = read_readings(path, radius=0.0)
+    np.testing.assert_allclose(1e3 * readings.points.values[:, 2], [-3.05, -3.051, -3.1, -3.1])
+    assert any("1 touch of searches in several steps" in note for note in readings.notes)

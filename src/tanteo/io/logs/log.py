@@ -104,6 +104,26 @@ def unique(names: list[str]) -> tuple[str, ...]:
     return tuple(out) if len(set(out)) == len(out) else tuple(str(k) for k in range(1, len(out) + 1))
 
 
+SEARCH = 0.3
+"""Largest distance between touches of one search [in the unit of a log in millimetres]."""
+
+
+def last_of_each_search(points: FloatArray, millimetre: float = 1.0) -> BoolArray:
+    """Return which touches are the last of their search.
+
+    A controller searches a surface fast, retracts and touches it again slowly. Touches in a row whose coordinates
+    differ in one axis only, by up to 0.3 mm, are one search.
+
+    Args:
+        points: positions of the touches in the order of the log ``(n, 3)``.
+        millimetre: a millimetre in the unit of the points.
+    """
+    step = np.abs(np.diff(points, axis=0))
+    moved = step > 1e-9 * millimetre
+    again = (moved.sum(axis=1) == 1) & (step.max(axis=1, initial=0.0) <= SEARCH * millimetre)
+    return np.append(~again, True)
+
+
 def counted(n: int, one: str, many: str = "") -> str:
     """Return a number with its noun: ``1 line`` or ``2 lines``.
 

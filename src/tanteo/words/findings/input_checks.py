@@ -21,6 +21,22 @@ class Repeated(Finding):
 
 
 @dataclass(frozen=True, slots=True)
+class RepeatedPlaces(Finding):
+    """Places were touched several times, and each place counts once.
+
+    Attributes:
+        sets: ids of the readings of each place.
+        spread: standard deviation of the repeats about the mean of their place [m].
+        drift: mean change from one repeat to the next [m].
+    """
+
+    kind: ClassVar[str] = "repeated_places"
+    sets: tuple[tuple[str, ...], ...]
+    spread: float
+    drift: float
+
+
+@dataclass(frozen=True, slots=True)
 class Stuck(Finding):
     """A sensor gave the same range again and again, from different places.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from tanteo.words import findings as f
-from tanteo.words.figures import listed, percent, readings
+from tanteo.words.figures import listed, millimetres, percent, readings
 from tanteo.words.sentences.base import Words, sentence, words_of
 
 _MOST_NAMES = 3
@@ -22,6 +22,19 @@ def _(one: f.Repeated) -> Words:
     return (
         f"Readings {'; '.join(names)}{more} are equal in place, direction and standard deviation, and each counts."
     ), "If they are one reading under several names, keep one, or the covariance is too small."
+
+
+@words_of.register
+def _(one: f.RepeatedPlaces) -> Words:
+    named = [f"{ids[0]} to {ids[-1]} ({len(ids)} touches)" for ids in one.sets[:_MOST_NAMES]]
+    rest = len(one.sets) - _MOST_NAMES
+    more = f" (and {rest} more)" if rest > 0 else ""
+    many = len(one.sets) > 1
+    return (
+        f"Readings {'; '.join(named)}{more} repeat {'their places' if many else 'one place'}, and the first of each "
+        f"counts. They scatter by {millimetres(one.spread)}, and drift by {millimetres(one.drift)} a touch. The noise "
+        "between places is not shown by repeats."
+    ), ""
 
 
 @words_of.register
