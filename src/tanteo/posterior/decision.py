@@ -121,7 +121,7 @@ def verdict_of(
     if found and hypotheses and priors.pose is not None and priors.pose.table is not None:
         more.append(_on_other_side(found[0], hypotheses[0], priors.pose.table))
     if found and status in ("ambiguous", "insufficient"):
-        more.append(_in_one_region(found[0]))
+        more.append(_in_one_region(found))
     if status in ("ambiguous", "insufficient") and posterior.missing > NOTABLE:
         more.append(MissedPoses(posterior.missing))
     if status != "recognized" and NOTABLE < posterior.unsearched < 0.5:
@@ -155,8 +155,10 @@ def _on_other_side(one: GoodnessOfFit, best: Hypothesis, table: Table) -> OnOthe
     return OnOtherSide(part.name, own, most, tilt) if own < 0.5 * most else None
 
 
-def _in_one_region(best: GoodnessOfFit) -> OneRegion | None:
-    """Return the finding that all touches are in a region smaller than half of the part; None if they are not."""
+def _in_one_region(found: Sequence[GoodnessOfFit]) -> OneRegion | None:
+    """Return the finding that all touches are in a region smaller than half of a possible part; None if they are not."""
+    possible = [one for one in found if one is found[0] or one.mode.probability > NOTABLE]
+    best = max(possible, key=lambda one: one.mode.prepared.part.area)
     region, part = best.mode.objective.problem.region, best.mode.prepared.part
     points = best.mode.objective.problem.points.points[best.inliers]
     if len(points) < 2 or not 0 < region.area < 0.5 * part.area or best.at.in_region[0] < 0.5:
