@@ -156,7 +156,7 @@ def _on_other_side(one: GoodnessOfFit, best: Hypothesis, table: Table) -> OnOthe
 
 
 def _in_one_region(found: Sequence[GoodnessOfFit]) -> OneRegion | None:
-    """Return the finding that all touches are in a region smaller than half of a possible part; None if they are not."""
+    """Return the finding that all touches are in less than half of a possible part; None if they are not."""
     possible = [one for one in found if one is found[0] or one.mode.probability > NOTABLE]
     best = max(possible, key=lambda one: one.mode.prepared.part.area)
     region, part = best.mode.objective.problem.region, best.mode.prepared.part
