@@ -281,10 +281,10 @@ def test_no_session_succeeds_before_a_reading_hits_a_part(targets):
     assert session.answer().status == "insufficient"
 
 
-def two_steps(weights, **stop):
+def two_steps(weights, priors=None, **stop):
     """Return readings on the faces that both steps have, so that only the prior distinguishes them."""
     first, second = (prepare(read_part(PARTS / f"step_{n}mm.step")) for n in (12, 15))
-    start = at_place([first, second], np.eye(4), np.diag(np.repeat([1e-3, 0.01], 3)) ** 2)
+    start = at_place([first, second], np.eye(4), np.diag(np.repeat([1e-3, 0.01], 3)) ** 2, priors)
     start = replace(start, Ts=np.stack([np.eye(4)] * 2), weights=np.array(weights))  # the files have one frame
     both = np.flatnonzero(second.surface.closest(first.samples).distances < 1e-6)[:6]
     session = new_session(start, **stop)
@@ -295,7 +295,8 @@ def two_steps(weights, **stop):
 
 def test_two_parts_are_ambiguous_for_any_required_probability():
     """Half a probability is not known, so that the session does not say that it is enough either."""
-    session = two_steps((0.5, 0.5), probability=0.3, tolerance=0.05, confidence=0.3)
+    priors = Priors(unknown=0.6)  # less than a half for each part, by more than the noise of the samples
+    session = two_steps((0.5, 0.5), priors, probability=0.3, tolerance=0.05, confidence=0.3)
     assert session.state.of_parts().min() > 0.3
     assert not session.stop.reached(session.state)
     answer = session.answer(top=1)
