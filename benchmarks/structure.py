@@ -314,6 +314,7 @@ OTHER_KINDS = {
     "catalogue/segment.py": "derived data of a part",
     "cli/probe.py": "machines",
     "io/readings/broken_bags.py": "recordings",
+    "io/documents/mount_files.py": "joints of URDF",
     "io/documents/ros_messages.py": "messages of ROS",
     "io/readings/ros_readings.py": "messages of ROS",
     "io/logs/ply.py": "numbers of PLY",

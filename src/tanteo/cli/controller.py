@@ -219,7 +219,9 @@ def _doubts(answer: Answer) -> list[str]:
     best, doubts = answer.hypotheses[0], []
     if answer.status != "recognized":
         doubts.append(f"the answer is {answer.status}; this is its best guess.")
-    if best.symmetry_axis is not None:
+    if best.spherical:
+        doubts.append("the part is a ball: its whole orientation is arbitrary; only its position was measured.")
+    elif best.symmetry_axis is not None:
         doubts.append(
             "the part is a solid of revolution: of its equivalent poses, that with z up and the least turn is written."
         )

@@ -199,7 +199,8 @@ def _write(found: Calibration, rig: Rig | None, sensor: SensorPreset | None, log
 
     comment = (
         f"Calibrated by `tanteo sensor fit` from {Path(log).name}: {int(found.good.sum())} places.\n"
-        "The offset of the ranges is in the position; noise is that of single readings."
+        "The offset of a single beam is in its position, that of a multi-zone device in bias; noise is that of single "
+        "readings."
     )
     with files.writing("--write", path):
         io.write_rig(calibrated_rig(found, rig=rig, sensor=sensor), path, comment=comment)

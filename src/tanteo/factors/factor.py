@@ -62,6 +62,7 @@ class Factor(ABC):
         on_surface: whether the sensed place is on the part's surface.
         flat_face: whether a label of this kind names a flat face.
         round_face: whether a label of this kind names a face that is not flat.
+        wide_beam: class of the same kind of reading by a wide beam; None for this class.
         feature_kinds: names of the kinds of sensed features that become factors of this class.
     """
 
@@ -71,6 +72,7 @@ class Factor(ABC):
     flat_face: ClassVar[bool] = False
     round_face: ClassVar[bool] = False
     feature_kinds: ClassVar[tuple[str, ...]] = ()
+    wide_beam: ClassVar[type[Factor] | None] = None
     at: Vectors
     cov: Covariances
     normal: SensedDirection | None = None
@@ -94,6 +96,11 @@ class Factor(ABC):
     def free_path(self) -> float:
         """Return the length of the straight free-space ray before the place [m]; 0 if unknown."""
         return 0.0
+
+    @property
+    def residual_sd(self) -> float:
+        """Return the standard deviation of the residual that is minimized, the largest of the place for most [m]."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.cov)[-1]))
 
     @property
     def landmark(self) -> Vectors:
@@ -156,6 +163,24 @@ class Factor(ABC):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class MeasuredCone:
+    """Wide beam of a reading.
+
+    Attributes:
+        range: range along the beam [m].
+        half_angle: half angle of the cone [rad].
+        max_incidence: largest incidence at which the device detects a surface [rad].
+        response: what the device reports of its cone, one of :data:`~tanteo.sensors.presets.RESPONSES`; empty if
+            unknown.
+    """
+
+    range: float
+    half_angle: float
+    max_incidence: float
+    response: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class MeasuredRow:
     """One row of point measurements, as :func:`tanteo.sensors.measure` returns them; None for what was not sensed.
 
@@ -170,6 +195,7 @@ class MeasuredRow:
         free_path: length of the free-space ray before the place [m].
         size: sensed radius [m] or half angle [rad].
         material_side: 1 for a hole, -1 for a boss, 0 where unknown.
+        cone: wide beam; None for a touch or a thin beam.
     """
 
     label: str
@@ -182,6 +208,7 @@ class MeasuredRow:
     free_path: float = 0.0
     size: float | None = None
     material_side: int = 0
+    cone: MeasuredCone | None = None
 
 
 FeaturePart: TypeAlias = list[tuple[Factor, FloatArray]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +49,7 @@ class OnSurface(Factor):
         }
 
     @classmethod
-    def from_row(cls, row: MeasuredRow) -> Self:
+    def from_row(cls, row: MeasuredRow) -> OnSurface:
         """Return a factor from one row of measurements.
 
         Raises:

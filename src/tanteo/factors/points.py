@@ -9,12 +9,22 @@ from typing import Any
 import numpy as np
 
 from tanteo import _core
-from tanteo.factors.factor import Factor, MeasuredRow, SensedDirection, compile_factors, factor_class
+from tanteo.factors.factor import (
+    Factor,
+    MeasuredCone,
+    MeasuredRow,
+    SensedDirection,
+    compile_factors,
+    factor_class,
+)
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Indices, IntArray, Vectors
 from tanteo.sensors import Column, PointMeasurements
 
 _ONE_BEAM, _PARALLEL = 1e-3, float(np.cos(np.radians(1)))
 """Largest lateral distance [m], and least cosine of the directions, of readings along the same beam."""
+
+_WIDE = 2.0
+"""Radius of the spot from which a cone is modelled [standard deviations along the beam] (benchmarks/wide_cones.py)."""
 
 _LEAST_WIDTH = 0.3
 """Least standard deviation of a beam across it, as a fraction of that along it (decision 54)."""
@@ -33,6 +43,7 @@ class ContactPoints:
         labels: name of the element on which each was sensed, ``''`` for none; measurements of one label share one
             element.
         kinds: kinds of reading, for the factor classes.
+        turn_jacobian: true direction of a beam = direction + jacobian z ``(n, 3, D)``; empty if no factor needs it.
         points: sensed places in the world, centres of the ball where ``radii`` is positive ``(n, 3)`` [m].
         covs: independent covariances, with the tolerance of the part ``(n, 3, 3)`` [m^2].
         sd: largest standard deviation of each ``(n,)`` [m].
@@ -52,6 +63,7 @@ class ContactPoints:
     places: IntArray | None = None
     labels: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ()
+    turn_jacobian: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     points: Vectors = field(init=False, repr=False)
     covs: Covariances = field(init=False, repr=False)
     sd: FloatArray = field(init=False, repr=False)
@@ -116,6 +128,11 @@ class ContactPoints:
         return np.array([factor.landmark for factor in self.factors], dtype=np.float64).reshape(len(self), 3)
 
     @property
+    def residual_sd(self) -> FloatArray:
+        """Return the standard deviation of the residual of each ``(n,)`` [m]: of the range for a wide beam."""
+        return np.array([factor.residual_sd for factor in self.factors], dtype=np.float64)
+
+    @property
     def constrained(self) -> int:
         """Return the number of directions that all measurements constrain, at least one for each surface point."""
         return len(self) + sum(f.codimension - 1 for f in self.factors if not f.on_surface)
@@ -130,7 +147,8 @@ class ContactPoints:
         places = None if self.places is None else self.places[rows]
         ids, labels, kinds = (tuple(values[i] for i in rows) for values in (self.ids, self.labels, self.kinds))
         factors = tuple(self.factors[i] for i in rows)
-        return ContactPoints(ids, factors, self.shared_jacobian[rows], self.tolerance, places, labels, kinds)
+        turns = self.turn_jacobian[rows] if len(self.turn_jacobian) else self.turn_jacobian
+        return ContactPoints(ids, factors, self.shared_jacobian[rows], self.tolerance, places, labels, kinds, turns)
 
     def with_places(self) -> ContactPoints:
         """Return the same measurements with ``places`` set: those along one beam share the place of the first."""
@@ -142,8 +160,9 @@ class ContactPoints:
         for row, k in zip(*np.unique(later, return_index=True), strict=True):
             places[row] = places[earlier[k]]
         return ContactPoints(
-            self.ids, self.factors, self.shared_jacobian, self.tolerance, places, self.labels, self.kinds
-        )
+            self.ids, self.factors, self.shared_jacobian, self.tolerance, places, self.labels, self.kinds,
+            self.turn_jacobian,
+        )  # fmt: skip
 
     def compiled(self, log_outlier: FloatArray) -> list[tuple[_core.FactorList, Indices]]:
         """Return the factors for the core: one block per kind, with the rows of its factors.
@@ -235,6 +254,7 @@ def as_contact_points(
     covs = _widen_beams(independent, directions) + tolerance**2 * np.eye(3)
     lengths = np.zeros(len(measured)) if reach is None else reach.only(on_surface).filled(0.0)
     normal_sds = np.nan_to_num(measured.normal_sds, nan=np.pi)
+    cones = _cones(measured, covs, directions)
     factors = list[Factor]()
     for k, kind in enumerate(measured.kinds):
         sensed = not np.isnan(measured.normals[k, 0])
@@ -242,12 +262,31 @@ def as_contact_points(
             measured.features[k], kind, points[k], covs[k], float(radii[k]),
             directions[k] if directions[k].any() else None,
             SensedDirection(measured.normals[k], float(normal_sds[k])) if sensed else None,
-            float(lengths[k]), measured.sizes[k], measured.material_sides[k],
+            float(lengths[k]), measured.sizes[k], measured.material_sides[k], cones[k],
         )  # fmt: skip
-        factors.append(factor_class(kind).from_row(row))
+        cls = factor_class(kind)
+        factors.append((cls.wide_beam if cones[k] and cls.wide_beam else cls).from_row(row))
+    jacobian, _, _, turns = measured.whitened()
     return ContactPoints(
-        measured.ids, tuple(factors), measured.whitened()[0], tolerance, labels=measured.features, kinds=measured.kinds
-    )
+        measured.ids, tuple(factors), jacobian, tolerance, labels=measured.features, kinds=measured.kinds,
+        turn_jacobian=turns if any(cones) else np.zeros((0, 3, 0)),
+    )  # fmt: skip
+
+
+def _cones(measured: PointMeasurements, covs: Covariances, directions: Vectors) -> list[MeasuredCone | None]:
+    """Return the cones of beams whose spot is wide for their noise; None for the others."""
+    cones = measured.cones
+    sds = np.sqrt(np.einsum("ni,nij,nj->n", directions, covs, directions))
+    wide = cones.ranges * np.tan(cones.half_angles) > _WIDE * sds  # False for NaN
+    wide &= directions.any(axis=1) & np.isnan(measured.normals[:, 0]) & (measured.radii == 0)
+    return [
+        MeasuredCone(
+            float(cones.ranges[k]), float(cones.half_angles[k]), float(cones.max_incidences[k]), cones.responses[k]
+        )
+        if wide[k]
+        else None
+        for k in range(len(measured))
+    ]
 
 
 def _widen_beams(covs: Covariances, directions: Vectors) -> Covariances:

@@ -99,7 +99,7 @@ def as_free_rays(measured: PointMeasurements, margin: float) -> FreeRays:
         measured: points with their beams.
         margin: uncertain length at the end of each ray [m].
     """
-    beams, (_, shared_jacobian, turns) = measured.free, measured.whitened()
+    beams, (_, shared_jacobian, turns, _) = measured.free, measured.whitened()
     slopes = 0.5 * np.tan(beams.half_angles)  # of points even over a disc
     margins = np.full(len(beams), margin)
     lines = beams.origins, beams.directions, beams.lengths

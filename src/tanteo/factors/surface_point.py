@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.factors.factor import FeaturePart, SensedDirection, register_factor
+from tanteo.factors.cone_range import ConeRange
+from tanteo.factors.factor import Factor, FeaturePart, SensedDirection, register_factor
 from tanteo.factors.on_surface import OnSurface
 from tanteo.factors.plane_points import equivalent_points, typical_residuals
 from tanteo.features import Feature
@@ -26,6 +27,7 @@ class SurfacePoint(OnSurface):
     codimension: ClassVar[int] = 1
     flat_face: ClassVar[bool] = True
     feature_kinds: ClassVar[tuple[str, ...]] = (PLANE.name,)
+    wide_beam: ClassVar[type[Factor] | None] = ConeRange
 
     @classmethod
     def from_feature(cls, view: tuple[Feature, ...], name: str, jacobian: FloatArray) -> FeaturePart:

@@ -123,7 +123,7 @@ def shifted(at: Details, part: Part, mean: float) -> Shifted:
         part: the part.
         mean: stated rate of outliers.
     """
-    off = np.greater(*_at_rate(at, mean)[::-1])
+    off = np.greater(*_at_rate(at, mean)[::-1]) & (at.faces >= 0)  # centres, edges and corners have negative numbers
     pose, reading = _proposed(at, off & (off.sum(axis=1) >= _LEAST)[:, None])
     step = max(1, _AT_ONCE // max(off.shape[1], 1))
     blocks = [slice(k, k + step) for k in range(0, len(pose), step)]

@@ -156,10 +156,11 @@ class Problem:
         )
         means, roots, log_weights = self._normals(prepared)
         more = ((0, 0), (0, 0), (0, self.shared_errors - t.shared_jacobian.shape[2]))
+        turns = _c(np.pad(t.turn_jacobian, more)) if len(t.turn_jacobian) else np.zeros((0, 3, 0))
         core = _core.make_problem(
             self.factors, _c(self.furniture.over_outlier), self.groups, _c(self.label_evidence.log_odds),
             _c(np.pad(t.shared_jacobian, more)),
-            np.zeros((0, 3, 0)), float(self.scale_sd), _c(rates), _c(weights), self.priors.outlier_rate, _c(lines),
+            turns, float(self.scale_sd), _c(rates), _c(weights), self.priors.outlier_rate, _c(lines),
             _c(np.pad(rays.shared_jacobian, more)), _c(np.pad(rays.turns, more)), _c(means), _c(roots), _c(log_weights),
             np.zeros(0) if table is None else np.r_[table.point, table.normal, table.sd],
             np.array([self.region.area, self.region.length]), self.region.groups,

@@ -66,6 +66,13 @@ class Device:
         return self.preset.beam_half_angle if self.preset is not None else math.nan
 
     @property
+    def response(self) -> str:
+        """What the device reports of its cone; empty if unknown."""
+        if self.mount is not None and self.mount.response:
+            return self.mount.response
+        return self.preset.response if self.preset is not None else ""
+
+    @property
     def bias_sd(self) -> float:
         """Standard deviation of the bias common to all readings of the device [m]."""
         if self.mount is not None:

@@ -23,7 +23,7 @@ from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray,
 from tanteo.sensors.columns import Column
 from tanteo.sensors.noise import body_jacobian
 
-MOST_STATES = 56
+MOST_STATES = 504
 """Largest number of states of all shared errors. The core has 64 unknowns, of which 7 are the pose and the noise."""
 
 

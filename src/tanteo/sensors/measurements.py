@@ -51,6 +51,29 @@ class FreeBeams:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class BeamCones:
+    """Cones of the beams of ``n`` points; world frame.
+
+    Attributes:
+        ranges: ranges along the beams ``(n,)`` [m]; NaN for a reading without range.
+        half_angles: half angles ``(n,)`` [rad]; NaN if unknown.
+        max_incidences: largest incidence at which the device detects a surface ``(n,)`` [rad].
+        responses: what the device reports of its cone; empty if unknown.
+        turns: derivative of the directions by each shared error, each ``(n, 3, d)``.
+    """
+
+    ranges: FloatArray
+    half_angles: FloatArray
+    max_incidences: FloatArray
+    responses: tuple[str, ...]
+    turns: tuple[FloatArray, ...]
+
+    def __post_init__(self) -> None:
+        freeze(self, "ranges", "half_angles", "max_incidences")
+        object.__setattr__(self, "turns", tuple(frozen_array(J) for J in self.turns))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class PointMeasurements:
     """``n`` sensed points in the world, each with an independent covariance and a gain by shared errors.
 
@@ -71,6 +94,7 @@ class PointMeasurements:
         jacobians: derivative of the points by each shared error, each ``(n, 3, d)``.
         rows: row of each point in the readings ``(n,)``.
         free: beams that hit nothing.
+        cones: cones of the beams.
         subtracted_radii: tip radius subtracted along the sensed normal ``(n,)`` [m]; 0 if none was.
         sizes: radii [m] or half angles [rad] of the round features whose centres the points are; None if not
             reported.
@@ -90,6 +114,7 @@ class PointMeasurements:
     jacobians: tuple[FloatArray, ...]
     rows: IntArray
     free: FreeBeams
+    cones: BeamCones
     subtracted_radii: FloatArray
     sizes: tuple[float | None, ...]
     material_sides: tuple[int, ...]
@@ -151,15 +176,17 @@ class PointMeasurements:
         J = np.concatenate([np.zeros((len(self), 3, 0)), *self.jacobians], axis=-1)
         return J, stacked_covariance(self.shared)
 
-    def whitened(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def whitened(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the gains ``G`` by shared errors written as standard normal variables ``z``.
 
         True = measured + ``G z``.
 
         Returns:
-            Gains of points ``(n, 3, D)``, of origins and of directions of free-space rays ``(m, 3, D)``.
+            Gains of points ``(n, 3, D)``, of origins and of directions of free-space rays ``(m, 3, D)``, and of the
+            directions of the points' beams ``(n, 3, D)``.
         """
         root = shared_root(self.shared)
         none = np.zeros((len(self.free), 3, 0))
         origins, turns = (np.concatenate([none, *Js], axis=-1) for Js in (self.free.jacobians, self.free.turns))
-        return self.stacked()[0] @ root, origins @ root, turns @ root
+        aims = np.concatenate([np.zeros((len(self), 3, 0)), *self.cones.turns], axis=-1)
+        return self.stacked()[0] @ root, origins @ root, turns @ root, aims @ root

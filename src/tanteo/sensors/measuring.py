@@ -21,7 +21,7 @@ from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Vectors
 from tanteo.sensors.columns import Column
 from tanteo.sensors.devices import Device, Placed, find_devices, place
 from tanteo.sensors.error_states import MOST_STATES, ErrorState, Offset, Sensed
-from tanteo.sensors.measurements import FreeBeams, PointMeasurements
+from tanteo.sensors.measurements import BeamCones, FreeBeams, PointMeasurements
 from tanteo.sensors.noise import beam_cov
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.sensors.readings import Readings, check_readings_kind
@@ -90,7 +90,7 @@ def measure(
     shared = list[SharedEffect]()
     if robot is not None:
         covs = covs + _repeatability(readings, points, robot)
-        shared.append(base(points, placed, free, robot))
+        shared.append(base(points, placed, robot))
     if tip_sd is not None and not (np.shape(tip_sd) == (3,) and not np.any(tip_sd)):
         shared.append(tip(readings, placed, tip_sd))
     covs = covs + _unaimed(aims, np.array([d.bias_sd for d in devices])[numbers])
@@ -123,6 +123,13 @@ def measure(
         jacobians=tuple(one.points[hit] for one in shared),
         rows=np.flatnonzero(hit),
         free=_free_beams(readings, placed, devices, numbers, shared),
+        cones=BeamCones(
+            ranges=placed.ranges.filled(np.nan)[hit],
+            half_angles=half_angles[hit],
+            max_incidences=np.array([d.max_incidence for d in devices])[numbers][hit],
+            responses=tuple(devices[k].response for k in numbers[hit]),
+            turns=tuple(one.turns[hit] for one in shared),
+        ),
         subtracted_radii=(readings.radii - radii)[hit],
         sizes=tuple(float(sizes[k]) if sizes.given[k] else None for k in np.flatnonzero(hit)),
         material_sides=tuple(_SIDES[readings.material_sides[k]] for k in np.flatnonzero(hit)),

@@ -108,6 +108,28 @@ class NoiseLaw:
         return np.sqrt(variance)
 
 
+RESPONSES = ("ray", "nearest", "mean", "strongest")
+"""What a device with a cone reports: the range along one random ray, to the nearest surface, the mean over the rays of
+the cone, or the mean over the surface that returns most."""
+
+
+def check_response(name: str, response: str) -> None:
+    """Check the response of a device; empty is allowed, for unknown.
+
+    Args:
+        name: name of the device in the message.
+        response: response to check.
+
+    Raises:
+        InputError: the response is none of :data:`RESPONSES`.
+    """
+    if response and response not in RESPONSES:
+        raise InputError(
+            f"response of '{name}': expected one of {', '.join(RESPONSES)}, got '{response}'. Leave it out if the data "
+            "sheet does not state it."
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class SensorPreset:
     """Error figures of one kind of sensor; NaN where a figure does not apply.
@@ -128,27 +150,38 @@ class SensorPreset:
         max_incidence: largest incidence for which the figures hold [rad].
         rate_hz: readings per second.
         range_kind: ``radial`` along the beam, ``perpendicular`` along the optical axis, or ``contact``.
+        response: what the device reports of its cone, one of :data:`RESPONSES`; empty if unknown.
         check: verified and assumed figures, see the module.
         source: source of the figures.
+
+    Example:
+        >>> from tanteo.sensors.presets import SensorPreset
+        >>> mine = SensorPreset("my_sonar", beam_half_angle=0.26, sigma_const=2e-3, max_range=2.0, response="nearest")
+        >>> mine.range_kind
+        'radial'
     """
 
     name: str
-    kind: str
-    min_range: float
-    max_range: float
-    beam_half_angle: float
-    sigma_const: float
-    sigma_prop: float
-    sigma_quad: float
-    exp_d0: float
-    exp_k: float
-    bias_std: float
-    bias_prop_std: float
-    max_incidence: float
-    rate_hz: float
-    range_kind: str
-    check: str
-    source: str
+    kind: str = "tof"
+    min_range: float = 0.0
+    max_range: float = math.inf
+    beam_half_angle: float = 0.0
+    sigma_const: float = 1e-3
+    sigma_prop: float = 0.0
+    sigma_quad: float = 0.0
+    exp_d0: float = math.nan
+    exp_k: float = math.nan
+    bias_std: float = 0.0
+    bias_prop_std: float = 0.0
+    max_incidence: float = math.pi / 2
+    rate_hz: float = math.nan
+    range_kind: str = "radial"
+    response: str = ""
+    check: str = "A: all"
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        check_response(self.name, self.response)
 
     @property
     def is_contact(self) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tanteo.errors import InputError, did_you_mean
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
-from tanteo.sensors.presets import SensorPreset
+from tanteo.sensors.presets import SensorPreset, check_response
 from tanteo.values import Value, lock
 
 
@@ -38,6 +38,9 @@ class RigSensor(Value):
             bias, scale and mounting. Empty for a separate device.
         T_hand_unit: pose of the device on the hand ``(4, 4)`` [m], at which its mounting error acts; NaN for that of
             the beam.
+        grid: rows, columns, height and width [rad] of the zones of the device; None for another device.
+        response: what the device reports of its cone, one of :data:`~tanteo.sensors.presets.RESPONSES`; empty to use
+            the preset's.
     """
 
     name: str
@@ -56,6 +59,8 @@ class RigSensor(Value):
     cov_scale: FloatArray = field(default_factory=lambda: np.zeros(6))
     unit: str = ""
     T_hand_unit: Transforms = field(default_factory=lambda: np.full((4, 4), np.nan))
+    response: str = ""
+    grid: tuple[int, int, float, float] | None = None
 
     @property
     def device(self) -> str:
@@ -63,6 +68,7 @@ class RigSensor(Value):
         return self.unit or self.name
 
     def __post_init__(self) -> None:
+        check_response(self.name, self.response)
         if np.isnan(self.T_hand_unit).all():
             object.__setattr__(self, "T_hand_unit", self.T_hand_sensor)
         for name, shape in (

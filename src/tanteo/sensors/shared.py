@@ -1,6 +1,6 @@
 """Model errors that readings share, and their effect on points and free-space rays.
 
-A free-space ray has an origin and a direction. An error of its frame moves both. Bias and scale of a sensor move
+A beam has an origin and a direction. An error of its frame moves both. Bias and scale of a sensor move
 neither, because they act on ranges.
 """
 
@@ -31,7 +31,7 @@ class SharedEffect:
     Attributes:
         error: name, covariance and meaning of the error.
         points: derivative of points, and of origins of free-space rays, by ``c`` ``(n, 3, d)``.
-        turns: derivative of directions of free-space rays by ``c`` ``(n, 3, d)``; zero for the others.
+        turns: derivative of directions of beams by ``c`` ``(n, 3, d)``; zero for readings without direction.
     """
 
     error: SharedError
@@ -39,7 +39,7 @@ class SharedEffect:
     turns: FloatArray
 
 
-def base(points: Vectors, placed: Placed, free: BoolArray, robot: RobotPreset) -> SharedEffect:
+def base(points: Vectors, placed: Placed, robot: RobotPreset) -> SharedEffect:
     """Return the absolute error of the robot, a rigid left error of the world.
 
     ``delta p = v + w x p`` (``math.md`` section 6).
@@ -47,14 +47,14 @@ def base(points: Vectors, placed: Placed, free: BoolArray, robot: RobotPreset) -
     Args:
         points: points of the readings ``(n, 3)`` [m].
         placed: readings in the world.
-        free: mask of free-space rays ``(n,)``.
         robot: error figures of the robot.
     """
     variances = np.repeat([robot.pos_abs_std**2, robot.rot_abs_std**2], 3)
     error = SharedError("robot base", np.diag(variances), f"absolute error of the robot ({robot.name}) [m, rad]")
     J = np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), -SO3.hat(points)], axis=-1)
     turns = np.zeros_like(J)
-    turns[free, :, 3:] = -SO3.hat(placed.directions[free])
+    aimed = placed.directions.given
+    turns[aimed, :, 3:] = -SO3.hat(placed.directions[aimed])
     return SharedEffect(error, J, turns)
 
 
@@ -148,18 +148,17 @@ def of_devices(
         if device.mount is not None and device.mount.cov_mount.any() and mount.any():
             meaning = "mounting of the sensor on the hand, body error [m, rad]"
             error = SharedError(f"mounting of {unit}", device.mount.cov_mount, meaning)
-            out.append(SharedEffect(error, *_mounted(placed, mount, free)))
+            out.append(SharedEffect(error, *_mounted(placed, mount)))
     return out
 
 
-def _mounted(placed: Placed, rows: BoolArray, free: BoolArray) -> tuple[FloatArray, FloatArray]:
+def _mounted(placed: Placed, rows: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return the derivatives of points and of ray directions by the sensor's body error ``(n, 3, 6)``."""
     J = np.zeros((len(rows), 3, 6))
     turns = np.zeros((len(rows), 3, 6))
-    open_ = rows & free
     J[rows] = body_jacobian(placed.T_world_units[rows], placed.points[rows])
-    ahead = placed.points[open_] + placed.directions[open_]
-    turns[open_] = body_jacobian(placed.T_world_units[open_], ahead) - J[open_]
+    ahead = placed.points[rows] + placed.directions[rows]
+    turns[rows] = body_jacobian(placed.T_world_units[rows], ahead) - J[rows]
     return J, turns
 
 
@@ -167,7 +166,7 @@ def _mount_and_scale(placed: Placed, device: Device, rows: BoolArray, free: Bool
     """Return mounting and scale of a jointly calibrated sensor as one error of seven components."""
     if not rows.any():
         return []
-    mounted, turns = _mounted(placed, rows, free)
+    mounted, turns = _mounted(placed, rows)
     # a device that reports too large a range has a nearer target
     hit = rows & ~free
     nearer = np.zeros((len(rows), 3, 1))

@@ -27,7 +27,9 @@ def test_a_known_bias_moves_the_origin_of_the_beam_back():
     """A sensor that reads 4 mm too far reads right from 4 mm behind."""
     beam = calibrated(bias=4e-3).T_hand_beam
     target = SE3.apply(T, np.array([0.0, 0.0, 0.1]))
-    assert np.linalg.norm(target - beam[:3, 3]) == pytest.approx(0.1 + 4e-3, abs=1e-9)
+    assert np.linalg.norm(target - beam[:3, 3]) == pytest.approx(
+        0.1 + 4e-3, abs=1e-6
+    )  # a fit ends within 1 % of its sd
     np.testing.assert_allclose(beam[:3, 2], T[:3, 2], atol=1e-9)
 
 

@@ -39,7 +39,7 @@ def test_without_rotation_offset_and_plane_are_confounded():
     rng = np.random.default_rng(0)
     found = calibrate(simulated_log(rng, T, PLANE, unturned(rng)))
     assert found.status == "insufficient"
-    names = {name for one in found.beams[0].undetermined for name in one.parameters}
+    names = {name for one in found.devices[0].undetermined for name in one.parameters}
     assert {"offset", "x"} <= names
     assert "Turn the hand about two axes" in found.message
     # nothing is made up: an undetermined parameter is as wide as before
@@ -53,7 +53,7 @@ def test_undetermined_parameters_keep_the_rig_s_uncertainty():
     found = calibrate(simulated_log(rng, T, PLANE, unturned(rng)), rig=rig_of())
     assert found.status == "calibrated"
     assert "adds little on" in found.message
-    assert any("offset" in one.parameters for one in found.beams[0].undetermined)
+    assert any("offset" in one.parameters for one in found.devices[0].undetermined)
     sds = np.sqrt(np.diag(found.beams[0].cov))
     assert (sds[:3] < 1.001e-3).all()
     assert (sds[:3] > 0.7e-3).any()
@@ -64,13 +64,13 @@ def test_ranges_of_one_length_do_not_determine_the_scale():
     rng = np.random.default_rng(2)
     hands = random_hands(rng, 40, PLANE, T, near=0.299, far=0.301)
     found = calibrate(simulated_log(rng, T, PLANE, hands))
-    assert any("scale" in one.parameters for one in found.beams[0].undetermined)
+    assert any("scale" in one.parameters for one in found.devices[0].undetermined)
 
 
 def test_a_good_log_determines_all():
     rng = np.random.default_rng(3)
     found = calibrate(simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T)), rig=rig_of((5e-3, 0.05)))
-    assert (found.status, found.message, found.beams[0].undetermined) == ("calibrated", "Calibrated eye.", ())
+    assert (found.status, found.message, found.devices[0].undetermined) == ("calibrated", "Calibrated eye.", ())
 
 
 def test_a_rig_that_is_far_off_does_not_lead_aoutliers():

@@ -40,6 +40,12 @@ void add_component(LocalSlope& sum, const Component& c, double weight) {
         sum.p += (-weight * r * c.per_sd) * c.normal;
         add_outer(sum.pp, weight * c.per_sd * c.per_sd, c.normal, c.normal);
     }
+    if (c.turns) {
+        sum.m += (-weight * r * c.per_sd) * c.by_turn;
+        add_outer(sum.pm, weight * c.per_sd * c.per_sd, c.normal, c.by_turn);
+        add_outer(sum.mm, weight * c.per_sd * c.per_sd, c.by_turn, c.by_turn);
+        return;
+    }
     sum.p += weight * c.slope;
     // the block of p and m that a tilt adds is positive semidefinite by itself
     const Mat3 stiff = c.tilted ? not_negative(c.stiff) : c.stiff;

@@ -34,6 +34,9 @@ struct Component {
     double tilt[2], per_tilt[2];  // residuals of the direction along e, over their sd; one over the sd
     double bend[2], along;      // curvature of the surface along e [1/m]; cosine of the direction to the normal
     Vec3 e[2];
+    bool turns = false;  // whether the residual depends on the direction of a beam, too
+    int model = -1;      // model of the device to which it belongs (Factor::has_models); -1: both
+    Vec3 by_turn;        // derivative of the distance by that direction [m]
 };
 
 // Gradient of the log density of a measurement by p and m, and its Gauss-Newton information.
@@ -73,6 +76,7 @@ struct Placement {
 struct Components {
     std::vector<Component> all;
     std::vector<BallContact> contacts, near_faces;  // of one ball
+    bool nearest = false;                           // which model of a cone is evaluated
 
     size_t size() const { return all.size(); }
 };
@@ -110,6 +114,7 @@ struct NearestElement {
     double distance = 0;       // signed residual [m]
     Vec3 direction;            // of the residual
     Vec3 normal;               // of the surface, if a sensed normal is compared; zero otherwise
+    Vec3 beside;               // from the measurement to the place whose distance it is, in the part frame; zero for most
     double along = 1;          // cosine between approach and residual: derivative of the residual by an offset along the approach
 };
 
@@ -131,8 +136,10 @@ class Factor {
     Vec3 direction;        // sensed normal or axis in the world; zero if none was sensed
     double direction_sd = 1;  // standard deviation of each of its tilts [rad]
     bool oriented = false;   // whether a direction was sensed
+    bool aims = false;       // whether `direction` is the axis of a beam on which the density depends
     bool isotropic = false;  // whether cov is a multiple of the identity
 
+    bool has_direction() const { return oriented || aims; }
     // Appends a component for each element that may have been measured.
     virtual void evaluate(const Placement& placement, Components& out) const = 0;
     // Number of directions in which an element constrains the measurement.
@@ -141,6 +148,9 @@ class Factor {
     virtual bool may_name(const Shape&, int) const { return true; }
     // Whether the density is not per area of the face: a beam of known direction hits one point of each face.
     virtual bool aimed() const { return false; }
+
+    // Whether its device has one of two models, unknown but equal for all measurements; weights are those of half and half.
+    virtual bool has_models() const { return false; }
 
     // Places of the part that may have been measured: poses are proposed from pairs of sites.
     virtual Sites sites(const Shape& shape) const = 0;

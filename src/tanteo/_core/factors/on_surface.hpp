@@ -15,8 +15,8 @@ class OnSurface : public Factor {
     bool round_face = false; // whether its label refers to a curved face
 
     Sites sites(const Shape& shape) const final;
-    double rough_cost(const Shape& shape, const Pose& pose, double blur, double tilt) const final;
-    NearestElement nearest(const Shape& shape, const Pose& pose, const Vec3& p, bool coarse) const final;
+    double rough_cost(const Shape& shape, const Pose& pose, double blur, double tilt) const override;
+    NearestElement nearest(const Shape& shape, const Pose& pose, const Vec3& p, bool coarse) const override;
     NearestPlace beside(const Shape& shape, const Pose& pose, const Vec3& p) const final;
 
     void fill(const Columns& columns, size_t row);

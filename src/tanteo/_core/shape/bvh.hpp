@@ -77,6 +77,20 @@ class Bvh {
         }
     }
 
+    // calls visit(item) for the items of all leaves whose boxes, and those of their parents, are accepted
+    template <class Accept, class Visit>
+    void where(Accept&& accept, Visit&& visit) const {
+        if (nodes.empty() || !accept(nodes[0].box)) return;
+        int stack[64], top = 0;
+        stack[top++] = 0;
+        while (top) {
+            const Node& node = nodes[stack[--top]];
+            for (int k = 0; k < node.count; ++k) visit(items[node.first + k]);
+            for (int k = 0; k < 2 && !node.count; ++k)
+                if (accept(nodes[node.first + k].box)) stack[top++] = node.first + k;
+        }
+    }
+
     // closest(item, best) returns the squared distance of an item, or any value above best; the least one is returned
     template <class Closest>
     double closest(const Vec3& p, double best, Closest&& closest) const {

@@ -114,6 +114,11 @@ class Shape : public ShapeNumbers {
     void triangles_about(const Vec3& origin, const Vec3& direction, double reach, double beside, Visit&& visit) const {
         triangle_tree.cast(origin, direction, reach, [&](int t, double nearest) { visit(t); return nearest; }, beside);
     }
+    // calls visit(triangle) for triangles in accepted boxes
+    template <class Accept, class Visit>
+    void triangles_where(Accept&& accept, Visit&& visit) const {
+        triangle_tree.where(accept, visit);
+    }
     // The number of an axis as an element: below those of edges and corners.
     int number_of(const RoundAxis& axis) const {
         return -2 - static_cast<int>(edges.size() + corners.size()) - axis.number;

@@ -46,14 +46,14 @@ void Likelihood::evaluate(const State& state, int j, bool with_slope) {
         const double* G = problem.place_jacobian(j);
         for (int i = 0; i < 3; ++i)
             for (int d = 0; d < D; ++d) world[i] += G[i * D + d] * state.z[d];
-        if (const double* H = factor.oriented ? problem.turn_jacobian(j) : nullptr) {
+        if (const double* H = factor.has_direction() ? problem.turn_jacobian(j) : nullptr) {
             for (int i = 0; i < 3; ++i)
                 for (int d = 0; d < D; ++d) direction[i] += H[i * D + d] * state.z[d];
             direction = unit(direction);
         }
     }
     own.p = into_part(state.pose, world);
-    own.m = factor.oriented ? transposed_times(R, direction) : Vec3{};
+    own.m = factor.has_direction() ? transposed_times(R, direction) : Vec3{};
     const double scale = problem.scale_sd > 0 ? std::exp(2 * problem.scale_sd * state.z[D]) : 1.0;
     Mat3 C = factor.cov;
     for (double& c : C.m) c *= scale;
@@ -106,8 +106,14 @@ double Likelihood::combine() {
     return top + std::log(0.5 * sum);
 }
 
+// Weight of a component under one of two models of the device.
+static double in_model(const Component& c, int model) {
+    return c.model < 0 ? c.weight : c.model == model ? 2 * c.weight : 0.0;
+}
+
 // Joint log density: sum over the quadrature nodes q of the outlier rate of w_q prod_j [(1 - q) density_j + q], times the
-// density of each label group. Sets the responsibility of each component. Labels are ignored while noise is blurred: a
+// density of each label group. The models of a device are nodes, too.
+// Sets the responsibility of each component. Labels are ignored while noise is blurred: a
 // label must not exclude an adjacent face before the maximization has converged.
 double Likelihood::combine(Design& design, std::vector<double>& out) {
     const bool labelled = blur == 0;
@@ -115,20 +121,35 @@ double Likelihood::combine(Design& design, std::vector<double>& out) {
     const int n = static_cast<int>(problem.factors.size()), nodes = static_cast<int>(problem.rates.size());
     double base = 0;
     for (const auto& factor : problem.factors) base += factor->log_outlier;
-    node_log.assign(nodes, 0.0);
+    int models = 1;
+    for (const auto& factor : problem.factors)
+        if (factor->has_models()) models = 2;
+    // density of each factor under each model of its device
+    of_model.assign(static_cast<size_t>(models) * n, 0.0);
+    for (int j = 0; j < n; ++j) {
+        const Evaluated& own = evaluated[j];
+        const double scale = design.scale_of(*problem.factors[j]);
+        for (int h = 0; h < models; ++h) {
+            double& density = of_model[static_cast<size_t>(models) * j + h];
+            if (models == 1) density = scale * own.density;
+            else
+                for (int k = own.first; k < own.first + own.count; ++k) density += scale * in_model(components.all[k], h);
+        }
+    }
+    node_log.assign(static_cast<size_t>(models) * nodes, 0.0);
     for (size_t g = 0; g < groups; ++g) find_elements(design, g);
-    for (int k = 0; k < nodes; ++k) {
-        const double rate = problem.rates[k];
+    for (int q = 0; q < models * nodes; ++q) {
+        const double rate = problem.rates[q / models];
         double product = 1, log = 0;
         for (int j = 0; j < n; ++j) {
             if (is_excluded(j) || (labelled && problem.group[j] >= 0)) continue;
-            product *= (1 - rate) * design.scale_of(*problem.factors[j]) * evaluated[j].density + rate + problem.furniture[j];
+            product *= (1 - rate) * of_model[static_cast<size_t>(models) * j + q % models] + rate + problem.furniture[j];
             if (product < 1e-200 || product > 1e200) {
                 log += std::log(product);
                 product = 1;
             }
         }
-        node_log[k] = log + std::log(product) + std::log(problem.rate_weights[k]);
+        node_log[q] = log + std::log(product) + std::log(problem.rate_weights[q / models] / models);
     }
     double top = -1e300, sum = 0;
     for (const double log : node_log) top = std::max(top, log);
@@ -138,13 +159,21 @@ double Likelihood::combine(Design& design, std::vector<double>& out) {
         Evaluated& own = evaluated[j];
         own.inlier = 0;
         if ((labelled && problem.group[j] >= 0) || !own.count) continue;
-        const double density = design.scale_of(*problem.factors[j]) * own.density;
-        for (int k = 0; k < nodes; ++k) {
-            const double on = (1 - problem.rates[k]) * density;
-            own.inlier += node_log[k] / sum * on / (on + problem.rates[k] + problem.furniture[j]);
+        const double scale = design.scale_of(*problem.factors[j]);
+        for (int h = 0; h < models; ++h) {
+            const double density = of_model[static_cast<size_t>(models) * j + h];
+            if (!(density > 0)) continue;
+            double inlier = 0;
+            for (int k = 0; k < nodes; ++k) {
+                const double on = (1 - problem.rates[k]) * density;
+                inlier += node_log[models * k + h] / sum * on / (on + problem.rates[k] + problem.furniture[j]);
+            }
+            own.inlier += inlier;
+            for (int k = own.first; k < own.first + own.count; ++k) {
+                const Component& c = components.all[k];
+                out[k] += inlier * scale * (models == 1 ? c.weight : in_model(c, h)) / density;
+            }
         }
-        for (int k = own.first; k < own.first + own.count; ++k)
-            out[k] = own.inlier * components.all[k].weight / own.density;
     }
     for (size_t g = 0; g < groups; ++g) {
         base += log_group(design, g);
@@ -299,7 +328,7 @@ LocalSlope slope_of(const Components& components, const double* weights, std::ve
             add_outer(pulls, 1 / weights[k], pull, pull);
             weight += weights[k];
         }
-        if (!all[order[first]].tilted) {
+        if (!all[order[first]].tilted && !all[order[first]].turns) {
             if (next - first > 1) {
                 for (int i = 0; i < 9; ++i) own.pp.m[i] -= pulls.m[i];
                 add_outer(own.pp, 1 / weight, own.p, own.p);
@@ -316,9 +345,23 @@ LocalSlope slope_of(const Components& components, const double* weights, std::ve
 void add_states(const LocalSlope& s, const Vec3& y, const Vec3& m, const Mat3& R, const Problem& problem, int j,
                 double* gradient, double* information) {
     const int D = problem.shared, K = problem.size(), P = 6 + D;
-    const bool oriented = problem.factors[j]->oriented;
+    const bool oriented = problem.factors[j]->has_direction();
     const int rows = oriented ? 6 : 3;
-    double J[6][MOST_STATES], BJ[6][MOST_STATES];
+    // most shared errors are of other devices and do not move this measurement
+    thread_local std::vector<int> columns;
+    thread_local std::vector<double> rows_of_J, rows_of_BJ;
+    const double *G = D ? problem.place_jacobian(j) : nullptr, *H = D && oriented ? problem.turn_jacobian(j) : nullptr;
+    columns.clear();
+    for (int k = 0; k < P; ++k) {
+        bool moves = k < 6;
+        for (int i = 0; i < 3 && !moves; ++i) moves = G[i * D + k - 6] != 0 || (H && H[i * D + k - 6] != 0);
+        if (moves) columns.push_back(k);
+    }
+    const int n = static_cast<int>(columns.size());
+    rows_of_J.assign(static_cast<size_t>(6) * n, 0.0);
+    rows_of_BJ.assign(static_cast<size_t>(6) * n, 0.0);
+    double *J[6], *BJ[6];
+    for (int i = 0; i < 6; ++i) J[i] = &rows_of_J[static_cast<size_t>(i) * n], BJ[i] = &rows_of_BJ[static_cast<size_t>(i) * n];
     const double Y[9] = {0, -y.z, y.y, y.z, 0, -y.x, -y.y, y.x, 0};
     const double M[9] = {0, -m.z, m.y, m.z, 0, -m.x, -m.y, m.x, 0};
     for (int i = 0; i < 3; ++i)
@@ -328,8 +371,8 @@ void add_states(const LocalSlope& s, const Vec3& y, const Vec3& m, const Mat3& R
             J[3 + i][k] = 0;
             J[3 + i][3 + k] = M[3 * i + k];
         }
-    const double *G = D ? problem.place_jacobian(j) : nullptr, *H = D && oriented ? problem.turn_jacobian(j) : nullptr;
-    for (int d = 0; d < D; ++d) {
+    for (int c = 6; c < n; ++c) {
+        const int d = columns[c] - 6;
         const Vec3 g = transposed_times(R, {G[d], G[D + d], G[2 * D + d]});
         Vec3 h;
         if (H) {
@@ -337,26 +380,27 @@ void add_states(const LocalSlope& s, const Vec3& y, const Vec3& m, const Mat3& R
             h = h - dot(h, m) * m;  // a direction stays a unit vector
         }
         for (int i = 0; i < 3; ++i) {
-            J[i][6 + d] = g[i];
-            J[3 + i][6 + d] = h[i];
+            J[i][c] = g[i];
+            J[3 + i][c] = h[i];
         }
     }
-    for (int k = 0; k < P; ++k) {
-        gradient[k] += s.p.x * J[0][k] + s.p.y * J[1][k] + s.p.z * J[2][k];
+    for (int k = 0; k < n; ++k) {
+        double& own = gradient[columns[k]];
+        own += s.p.x * J[0][k] + s.p.y * J[1][k] + s.p.z * J[2][k];
         for (int i = 0; i < 3; ++i) BJ[i][k] = s.pp(i, 0) * J[0][k] + s.pp(i, 1) * J[1][k] + s.pp(i, 2) * J[2][k];
         if (!oriented) continue;
-        gradient[k] += s.m.x * J[3][k] + s.m.y * J[4][k] + s.m.z * J[5][k];
+        own += s.m.x * J[3][k] + s.m.y * J[4][k] + s.m.z * J[5][k];
         for (int i = 0; i < 3; ++i) {
             BJ[i][k] += s.pm(i, 0) * J[3][k] + s.pm(i, 1) * J[4][k] + s.pm(i, 2) * J[5][k];
             BJ[3 + i][k] = s.pm(0, i) * J[0][k] + s.pm(1, i) * J[1][k] + s.pm(2, i) * J[2][k] + s.mm(i, 0) * J[3][k] +
                            s.mm(i, 1) * J[4][k] + s.mm(i, 2) * J[5][k];
         }
     }
-    for (int a = 0; a < P; ++a)
+    for (int a = 0; a < n; ++a)
         for (int b = 0; b <= a; ++b) {
             double sum = 0;
             for (int i = 0; i < rows; ++i) sum += J[i][a] * BJ[i][b];
-            information[a * K + b] += sum;
+            information[columns[a] * K + columns[b]] += sum;
         }
 }
 

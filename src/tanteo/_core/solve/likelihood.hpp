@@ -8,7 +8,7 @@
 
 namespace tanteo {
 
-constexpr int MOST_STATES = 64;
+constexpr int MOST_STATES = 512;  // larger problems have too little memory and time
 
 // A factor at a pose: its components, and the probability that it is no outlier.
 struct Evaluated {
@@ -67,7 +67,7 @@ class Likelihood {
   private:
     const Shape& shape;
     const Problem& problem;
-    std::vector<double> node_log, responsibility, other_responsibility, inlier;
+    std::vector<double> node_log, of_model, responsibility, other_responsibility, inlier;
     std::vector<int> order;  // components of a factor by element
 
     bool is_excluded(int j) const { return blur > 0 && !coarse.empty() && !coarse[j]; }

@@ -92,7 +92,7 @@ NormalEquations<K> surface_distances(const Shape& shape, const Problem& problem,
         }
         const Vec3& g = near.direction;
         const double r = (near.distance + near.along * offset) * per, w = 1 / (1 + 0.25 * r * r);
-        const Vec3 turn = cross(g, p - shape.centre);
+        const Vec3 turn = cross(g, p + near.beside - shape.centre);
         // the point moves by -v + y x w
         double J[K] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
         if constexpr (K > 6) J[6] = near.along * per;

@@ -108,7 +108,7 @@ def _hypothesis(h: Hypothesis, frame: str) -> dict[str, Any]:
         "symmetry": {
             "order": int(h.symmetry_order),
             "poses": [{"matrix": pose} for pose in np.asarray(h.symmetry_poses).reshape(-1, 4, 4)],
-            "axis": axis_document,
+            "axis": axis_document, "spherical": bool(h.spherical),
         },
         "fit": {"chi2": float(h.chi2), "dof": int(h.dof), "p_value": float(h.p_value), "rms_m": float(h.rms)},
         "noise_scale": [float(value) for value in h.noise_scale],

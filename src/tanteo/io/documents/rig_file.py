@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib import resources
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from msgspec import Meta
+from msgspec import Meta, structs
 
 from tanteo.errors import CovarianceError, InputError, UnitError
 from tanteo.geometry import SE3, SO3, check_covariance
@@ -48,6 +48,9 @@ _WIDEST = np.pi / 3
 _INTO = 0.5
 """Fraction of the sensor's distance from the hand's origin within which a beam counts as running into the hand."""
 
+_SMALL_HAND = 0.03
+"""Distance of a sensor from the hand's origin [m] up to which its beam may pass it, as of a sensor at the flange."""
+
 _EQUAL_POSE = 1e-6
 """Difference below which two sensors have the same position [m] and direction."""
 
@@ -78,7 +81,7 @@ def check_beam(sensor: RigSensor, place: str) -> None:
         )
     ahead = max(-float(origin @ beam), 0.0)
     nearest = float(np.linalg.norm(origin + ahead * beam))
-    if nearest < _INTO * away and ahead < _reach(sensor):
+    if away > _SMALL_HAND and nearest < _INTO * away and ahead < _reach(sensor):
         raise InputError(
             f"{place}, direction: expected the beam to lead away from the hand, got one that passes its origin within "
             f"{1e3 * nearest:.3g} mm. Turn it around, or move the hand's origin out of its way."
@@ -158,6 +161,7 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
     sd_per_range: Annotated[Number, Meta(ge=0)] | None = None
     axis: Direction | None = None
     beam_half_angle: Annotated[float, Numbers("angle"), Meta(ge=0)] | None = None
+    response: str | None = None
     max: Annotated[Length, Meta(gt=0)] | None = None
     bias_sd: Annotated[Length, Meta(ge=0)] | None = None
     bias: Length | None = None
@@ -170,6 +174,7 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         | None
     ) = None
     field: Annotated[FloatArray, Numbers("angle", *_FIELD, _FIELD_WORDS)] | None = None
+    zone_bias: Annotated[FloatArray, Numbers("length", ())] | None = None
     mount_covariance_m_rad: Covariance | None = None
     scale_covariance_m_rad: Annotated[FloatArray, Numbers("plain", ((6,),), digits=17)] | None = None
 
@@ -188,6 +193,8 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         R = self._rotation()
         T_hand_unit = self._unit()
         given = {theirs: got for ours, theirs in _SENSOR_FIELDS.items() if (got := getattr(self, ours)) is not None}
+        if self.response is not None:
+            given["response"] = self.response
         if self.axis is not None:
             # some devices report the distance along the optical axis
             given["axis_cosine"] = min(1.0, float(self.axis @ R[:, 2]))
@@ -250,6 +257,8 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         All zones share the device's bias, scale and mounting. If the device reports the distance along its optical axis
         (``range_kind`` perpendicular), every zone does.
         """
+        if self.zone_bias is not None and (self.zones is None or self.zone_bias.shape != (math.prod(self.zones),)):
+            raise self.at.refused("zone_bias", "one number a zone, row by row", "Write as many as zones.")
         if self.zones is None or math.prod(self.zones) > _MOST_ZONES:
             raise self.at.refused("zones", "[rows, columns]", "Write zones = [8, 8].")
         if self.field is None:
@@ -262,16 +271,38 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         perpendicular = device.preset is not None and device.preset.range_kind == "perpendicular"
         (rows, columns), (height, width) = self.zones, np.broadcast_to(self.field, 2).tolist()
         out = []
-        for r, c in np.ndindex(rows, columns):
+        grid = (rows, columns, height, width)
+        biases = np.zeros(rows * columns) if self.zone_bias is None else self.zone_bias
+        for (r, c), bias in zip(np.ndindex(rows, columns), biases.tolist(), strict=True):
             across = np.tan([width * ((c + 0.5) / columns - 0.5), height * ((r + 0.5) / rows - 0.5)])
             turned = SO3.frame_from_axis(np.append(across, 1.0), 2)
             zone: dict[str, Any] = {
                 "name": f"{device.name}.{r + 1}.{c + 1}",
                 "T_hand_sensor": device.T_hand_sensor @ SE3.from_parts(turned, np.zeros(3)),
                 "axis_cosine": float(turned[2, 2]) if perpendicular else 1.0,
+                "bias": device.bias + bias,
             }
-            out.append(replace(device, **zone, unit=device.name, T_hand_unit=device.T_hand_sensor))
+            out.append(replace(device, **zone, unit=device.name, T_hand_unit=device.T_hand_sensor, grid=grid))
         return tuple(out)
+
+    @classmethod
+    def of_zones(cls, zones: Sequence[RigSensor]) -> SensorTable:
+        """Return the table of a multi-zone device.
+
+        Args:
+            zones: all its zones, row by row.
+        """
+        first = zones[0]
+        assert first.grid is not None
+        rows, columns, height, width = first.grid
+        biases = np.array([zone.bias for zone in zones])
+        bias = float(biases.mean())
+        device = replace(first, T_hand_sensor=first.T_hand_unit, unit="", axis_cosine=1.0, bias=bias)
+        uneven = bool(np.ptp(biases) > 0)
+        return structs.replace(
+            cls.of(device), zones=[rows, columns], field=np.array([height, width]),
+            zone_bias=biases - bias if uneven else None,
+        )  # fmt: skip
 
     @classmethod
     def of(cls, sensor: RigSensor) -> SensorTable:
@@ -294,6 +325,8 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         ]
         for name in [*needless, *(["sd_per_range"] if "sd" not in values else [])]:
             del values[name]
+        if sensor.response:
+            values["response"] = sensor.response
         if sensor.unit:
             values |= {"unit": sensor.unit, "unit_position": U[:3, 3]}
             values["unit_quaternion_wxyz"] = SO3.as_quaternion(U[:3, :3])
@@ -413,6 +446,13 @@ def rig_text(rig: Rig, *, comment: str = "") -> str:
     """
     blocks = ["\n".join(f"# {line}".rstrip() for line in comment.splitlines())] if comment else []
     for sensor in rig.sensors:
-        name = sensor.name if _BARE.fullmatch(sensor.name) else json.dumps(sensor.name, ensure_ascii=False)
-        blocks.append("\n".join([f"[sensors.{name}]", *toml_lines(SensorTable.of(sensor))]))
+        zones = [one for one in rig.sensors if one.unit == sensor.unit]
+        whole = sensor.grid is not None and len(zones) == math.prod(sensor.grid[:2])
+        if whole and sensor is not zones[0]:
+            continue
+        name, table = sensor.name, SensorTable.of(sensor)
+        if whole:
+            name, table = sensor.unit, SensorTable.of_zones(zones)
+        name = name if _BARE.fullmatch(name) else json.dumps(name, ensure_ascii=False)
+        blocks.append("\n".join([f"[sensors.{name}]", *toml_lines(table)]))
     return "\n\n".join(blocks) + "\n"

@@ -297,6 +297,8 @@ def toml_lines(one: Table) -> list[str]:
         got = getattr(one, name)
         if isinstance(got, str):
             lines.append(f"{name} = {msgspec.json.encode(got).decode()}")
+        elif isinstance(got, list):
+            lines.append(f"{name} = {got}")
         elif got is not None:
             numbers = numbers_of(annotation)
             key, factor = next(iter(numbers.keys(name).items()))

@@ -9,7 +9,7 @@ from tanteo.words.sentences import parameter_words
 
 if TYPE_CHECKING:
     from tanteo.sensors import Rig, RigSensor
-    from tanteo.sensors.calibration import BeamFit, Calibration
+    from tanteo.sensors.calibration import BeamFit, Calibration, DeviceFit
 
 
 def calibration_document(found: Calibration) -> dict[str, Any]:
@@ -44,8 +44,20 @@ def calibration_document(found: Calibration) -> dict[str, Any]:
     ]  # fmt: skip
     return dict(strict({
         "schema": "tanteo.calibration/1", "status": found.status, "message": found.message,
+        "devices": [_device(d) for d in found.devices],
         "beams": [_beam(b) for b in found.beams], "planes": planes, "places": places, "outliers": outliers,
     }))  # fmt: skip
+
+
+def _device(device: DeviceFit) -> dict[str, Any]:
+    offset, scale, slant, field = device.values
+    return {
+        "device": device.name, "zones": device.zones, "frame": "hand", "matrix": device.T_hand_device,
+        "offset_m": offset, "scale": scale, "slant": slant, "field_error": field,
+        "covariance": {"order": "x y z rx ry rz offset scale slant field", "frame": "device", "matrix": device.cov},
+        "prior_covariance": device.prior, "zone_offsets_m": device.zone_offsets,
+        "undetermined": [parameter_words(one) for one in device.undetermined], "next_pose": device.advice,
+    }  # fmt: skip
 
 
 def _beam(beam: BeamFit) -> dict[str, Any]:
@@ -61,7 +73,6 @@ def _beam(beam: BeamFit) -> dict[str, Any]:
             "const_m": float(const), "per_range": float(prop), "across_rad": float(across),
             "covariance_of_squares": beam.place_cov,
         },
-        "undetermined": [parameter_words(one) for one in beam.undetermined],
     }  # fmt: skip
 
 

@@ -68,6 +68,7 @@ def hypothesis_at(
         outlier_distances=outlier_distances,
         covariance_relative=covariance_relative,
         symmetry_axis=world_axis(part, T_world_part),
+        spherical=part.symmetry.spherical,
         advice=_advice(part, T_world_part, free),
         shared=shared,
     )

@@ -44,6 +44,7 @@ class Hypothesis(Value):
         covariance_relative: covariance given the errors that all readings share (robot, tip, sensor bias); None if
             nothing is shared. If the robot's base is the only shared error and there is no prior pose, this is the
             repeatability with the same robot.
+        spherical: whether every rotation about the part's centre is equivalent, as of a ball.
         symmetry_axis: point and unit direction, in the world ``(2, 3)``, about which every rotation is equivalent:
             not an error, and not in ``unobserved``. None for a part without an axis of revolution.
         advice: what to sense to observe the first free direction; empty if there is none.
@@ -77,6 +78,7 @@ class Hypothesis(Value):
     outlier_distances: tuple[float, ...] = ()
     covariance_relative: Covariances | None = None
     symmetry_axis: FloatArray | None = None
+    spherical: bool = False
     advice: str = ""
     noise_scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     free_motions: tuple[Motion, ...] = ()

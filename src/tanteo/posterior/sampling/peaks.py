@@ -39,13 +39,13 @@ def scales_for(problem: Problem, prepared: PreparedPart) -> Scales:
     points, own = problem.points, problem.settings.search
     if not len(points):  # free-space rays alone: nothing to refine
         return Scales(prepared.spacing, np.array([prepared.spacing]), np.zeros(0))
-    sd = float(np.median(points.sd))
+    sd = float(np.median(points.residual_sd))
     shared = (
         float(np.sqrt(np.mean(np.sum(points.shared_jacobian**2, axis=(1, 2))))) if points.shared_jacobian.size else 0.0
     )
     off = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
     spread = 2 * float(np.quantile(off, 0.75))
-    wide = float(np.hypot(sd, shared))
+    wide = float(np.hypot(np.median(points.sd), shared))
     blur = max(min(prepared.spacing, spread / 8), 1.5 * wide)
     end = max(2 * sd, shared, own.coarse_to_fine * blur)
     count = max(6, int(np.ceil(np.log(1.5 * blur / end) / own.scale_step)) + 1)

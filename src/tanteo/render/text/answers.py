@@ -101,6 +101,8 @@ def _details(best: Hypothesis, *, verbose: bool) -> list[str]:
         lines.append("  unshared    " + "x {:.3g} y {:.3g} z {:.3g} mm, if shared errors were known".format(*same))
     if best.symmetry_order > 1:
         lines.append(f"  symmetry    {best.symmetry_order} equivalent poses, reported as one")
+    if best.spherical:
+        lines.append("  symmetry    all rotations about its centre are equivalent")
     if best.symmetry_axis is not None:
         (x, y, z), d = best.symmetry_axis[0] * 1e3, best.symmetry_axis[1]
         lines.append(

@@ -15,7 +15,7 @@ from tanteo.words.sentences import parameter_words
 
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray
-    from tanteo.sensors.calibration import BeamFit, Calibration, Outlier
+    from tanteo.sensors.calibration import BeamFit, Calibration, DeviceFit, Outlier
 
 _MOST_OUTLIERS = 12
 _RANGES, _ANGLE_STEP = 6, 15.0
@@ -33,8 +33,10 @@ def calibration_lines(found: Calibration, *, verbose: bool = False, layout: Layo
     planes = f"{len(found.planes)} plane{'s' if len(found.planes) > 1 else ''}"
     head = f"{found.status}: {readings} readings at {len(found.log)} places on {planes}"
     lines = [layout.bold(head), f"  {printable(found.message)}"]
-    for beam in found.beams:
-        lines += ["", *_beam_lines(beam, layout)]
+    for k, device in enumerate(found.devices):
+        first = found.beams[int(np.argmax(found.log.device == k))]
+        lines += ["", *(_beam_lines(first, layout) if device.zones == 1 else _zone_lines(device, first, layout))]
+        lines += _determined_lines(device)
     lines += ["", *_plane_table(found, layout), "", *_coverage_table(found, layout)]
     return [*lines, "", *_outlier_lines(found.outliers, verbose=verbose)]
 
@@ -65,7 +67,45 @@ def _beam_lines(beam: BeamFit, layout: Layout) -> list[str]:
         )
     else:
         lines.append("  repeats     none: the line above contains the difference between readings of one place")
-    return [*lines, *(f"  undetermined {parameter_words(one)}" for one in beam.undetermined)]
+    return lines
+
+
+def _zone_lines(device: DeviceFit, beam: BeamFit, layout: Layout) -> list[str]:
+    """Return a multi-zone device, with the noise of one of its beams."""
+    T, sds = device.T_hand_device, np.sqrt(np.diag(device.cov))
+    offset, scale, _, field = device.values
+    place = _with_sd(beam.place_sds, beam.place_cov, (1e3, 100.0, math.degrees(1.0)))
+    zones = np.ptp(device.zone_offsets)
+    return [
+        layout.bold(f"device {printable(device.name)} of {device.zones} zones, in the hand's frame"),
+        f"  from        ({_values(1e3 * T[:3, 3], 2)}) mm, sd ({_values(1e3 * sds[:3], 2)}) mm along its own axes",
+        f"  axis along  ({_values(T[:3, 2], 4)}), sd ({_values(np.degrees(sds[3:6]), 2)}) deg about its own axes",
+        f"  offset      reads {1e3 * offset:+.2f} mm, sd {1e3 * sds[6]:.2g} mm; zones differ by {1e3 * zones:.2g} mm",
+        f"  scale       reads {1 + scale:.4f} times the range, sd {sds[7]:.2g}",
+        f"  field       {100 * field:+.2f} % wider than stated, sd {100 * sds[9]:.2g} %",
+        f"  places      sd {place[0]} mm, {place[1]} % of the range, {place[2]} deg across the beam: "
+        "from place to place",
+    ]
+
+
+_QUANTITIES = (
+    ("mounting", (0, 1, 2), 1e3, "mm"), ("rotation", (3, 4), math.degrees(1.0), "deg"),
+    ("offset", (6,), 1e3, "mm"), ("scale", (7,), 100.0, "%"),
+)  # fmt: skip
+
+
+def _determined_lines(device: DeviceFit) -> list[str]:
+    """Return how much the log improved each quantity, and the pose to take next."""
+    before, after = np.sqrt(np.diag(device.prior)), np.sqrt(np.diag(device.cov))
+    lines = []
+    for name, rows, unit, word in _QUANTITIES:
+        was, now = (unit * float(sds[list(rows)].max()) for sds in (before, after))
+        if was < unit * 1e-5:  # one beam: its offset is in the mounting
+            continue
+        verdict = "determined" if now < 0.5 * was else "improved" if now < 0.9 * was else "not determined"
+        lines.append(f"  {name:<11} {verdict}: sd {was:.2g} {word} before the log, {now:.2g} {word} after")
+    lines += [f"  undetermined {parameter_words(one)}" for one in device.undetermined]
+    return [*lines, f"  next        {device.advice}"] if device.advice else lines
 
 
 def _with_sd(sds: FloatArray, cov_of_squares: FloatArray, units: Sequence[float]) -> list[str]:
@@ -102,15 +142,15 @@ def _plane_table(found: Calibration, layout: Layout) -> list[str]:
 def _coverage_table(found: Calibration, layout: Layout) -> list[str]:
     """Return the number of places at each range and incidence."""
     lines = []
-    for k, beam in enumerate(found.beams):
-        mine = (found.log.beam == k) & found.good
+    for k, device in enumerate(found.devices):
+        mine = (found.log.of == k) & found.good
         if not mine.any():
             continue
         d, angles = 1e3 * found.ranges[mine], np.degrees(found.incidences[mine])
         edges = np.linspace(d.min(), d.max() + 1e-9, _RANGES + 1)
         tops = np.arange(_ANGLE_STEP, angles.max() + _ANGLE_STEP, _ANGLE_STEP)
         counts = np.histogram2d(angles, d, bins=[np.r_[0.0, tops], edges])[0].astype(int)
-        headers = [f"places of {beam.name}", *(f"{a:.0f}-{b:.0f} mm" for a, b in pairwise(edges))]
+        headers = [f"places of {device.name}", *(f"{a:.0f}-{b:.0f} mm" for a, b in pairwise(edges))]
         rows = [
             [f"{top - _ANGLE_STEP:.0f}-{top:.0f} deg", *(str(c) if c else "." for c in row)]
             for top, row in zip(tops, counts, strict=True)

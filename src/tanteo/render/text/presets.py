@@ -61,6 +61,7 @@ def sensor_lines(preset: SensorPreset, *, layout: Layout = PLAIN) -> list[str]:
             f"  beam       half angle {math.degrees(preset.beam_half_angle):.3g} deg",
         ]
     lines += [
+        *([f"  response   {_RESPONSES[preset.response]}"] if preset.response else []),
         f"  incidence  up to {math.degrees(preset.max_incidence):.3g} deg",
         f"  unit       bias {_mm(preset.bias_std)} mm, scale {100 * preset.bias_prop_std:.3g} %: constant for a device",
         f"  rate       {preset.rate_hz:g} readings a second",
@@ -72,6 +73,13 @@ def sensor_lines(preset: SensorPreset, *, layout: Layout = PLAIN) -> list[str]:
     lines += [f"  codes      {', '.join(codes)} [mm as written]"] if codes else []
     return lines if preset.is_contact else [*lines, "", *_noise_table(preset, layout)]
 
+
+_RESPONSES = {
+    "ray": "ray: the range along one random ray of the cone",
+    "nearest": "nearest: the range to the nearest surface in the cone",
+    "mean": "mean: the mean range over the cone",
+    "strongest": "strongest: the mean range over the surface in the cone that returns most",
+}
 
 _RANGE_KINDS = {"radial": "along the beam", "perpendicular": "along the optical axis, which a rig states by axis"}
 

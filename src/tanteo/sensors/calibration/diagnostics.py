@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import qr
 
+from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray
-from tanteo.sensors.calibration.geometry import BEAM, WEAK
+from tanteo.sensors.calibration.fit import Fit
+from tanteo.sensors.calibration.geometry import BEAM, PLANE, WEAK, predict
+from tanteo.sensors.calibration.log import PlaneLog
 from tanteo.words.findings import BeamsUndetermined, Calibrated, Undetermined
 
 _UNDETERMINED = 0.5
@@ -40,6 +44,74 @@ def undetermined(sensor: str, cov: FloatArray, prior: FloatArray) -> tuple[Undet
         names = tuple(_NAMES[i] for i in np.argsort(-shares) if shares[i] > _PART)
         found.append(Undetermined(sensor, names))
     return tuple(found)
+
+
+_OF_DEVICE = (0, 1, 2, 3, 4, 5, 6, 7)
+_DEVICE_NAMES = "x", "y", "z", "rx", "ry", "rz", "offset", "scale"
+
+
+def undetermined_of_device(device: str, cov: FloatArray, prior: FloatArray) -> tuple[Undetermined, ...]:
+    """Return the directions in the parameters of a multi-zone device that the log does not determine.
+
+    Args:
+        device: name of the device.
+        cov: posterior covariance of its parameters ``(10, 10)``.
+        prior: prior covariance ``(10, 10)``.
+    """
+    found = []
+    for vector in _plain(_unmoved(cov, prior, len(_OF_DEVICE))).T:
+        shares = vector**2
+        found.append(Undetermined(device, tuple(_DEVICE_NAMES[i] for i in np.argsort(-shares) if shares[i] > _PART)))
+    return tuple(found)
+
+
+_KNOWN_TILT = 0.1
+"""Definition: standard deviation of a plane's tilt before the log up to which it counts as known [rad]."""
+
+
+def untold_tilts(planes: Sequence[str], cov: FloatArray, precision: FloatArray) -> list[Undetermined]:
+    """Return the planes whose tilts the log does not determine.
+
+    Args:
+        planes: names of the planes, whose parameters are the last.
+        cov: posterior covariance of all parameters.
+        precision: prior precision of all parameters.
+    """
+    at = len(cov) - len(PLANE) * len(planes) + len(PLANE) * np.arange(len(planes))[:, None] + np.arange(2)
+    after, before = np.diag(cov)[at], 1 / np.diag(precision)[at]
+    untold = (after > _UNDETERMINED * before).any(axis=1) & (before > _KNOWN_TILT**2).all(axis=1)
+    return [Undetermined(name, ("tilt",)) for name, open_ in zip(planes, untold, strict=True) if open_]
+
+
+_MOVES = {
+    "turn it by 20 degrees about its x axis": (0.0, 0.0, 0.0, 0.35, 0.0, 0.0),
+    "turn it by 20 degrees about its y axis": (0.0, 0.0, 0.0, 0.0, 0.35, 0.0),
+    "turn it by 20 degrees the other way about its x axis": (0.0, 0.0, 0.0, -0.35, 0.0, 0.0),
+    "turn it by 20 degrees the other way about its y axis": (0.0, 0.0, 0.0, 0.0, -0.35, 0.0),
+    "move it 50 mm nearer": (0.0, 0.0, 0.05, 0.0, 0.0, 0.0),
+    "move it 50 mm away": (0.0, 0.0, -0.05, 0.0, 0.0, 0.0),
+}
+"""Motions of a device in its own frame from its middle place [m, rad], by words; definition of what may be advised."""
+
+
+def advice(fit: Fit, log: PlaneLog, device: int) -> str:
+    """Return the motion of a device, from its middle place, whose reading would reduce the uncertainty most.
+
+    Args:
+        fit: fit of the log.
+        log: stations.
+        device: number of the device.
+    """
+    mine = np.flatnonzero(log.of == device)
+    middle = mine[np.argsort(log.ranges[mine])[len(mine) // 2]]
+    T_hand = fit.setup.T_hand_devices[device]
+    gains = {}
+    for words, twist in _MOVES.items():
+        T = log.Ts_world_hand[middle] @ T_hand @ SE3.exp(np.array(twist)) @ SE3.inverse(T_hand)
+        there = replace(log, beam=log.beam[[middle]], plane=log.plane[[middle]], Ts_world_hand=T[None])
+        J = predict(fit.setup, there).jacobian[0]
+        gains[words] = float(J @ fit.cov @ J) / float(fit.variances[middle])
+    return max(gains, key=lambda words: gains[words])
 
 
 def is_lost(cov: FloatArray) -> bool:

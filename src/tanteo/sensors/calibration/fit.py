@@ -10,13 +10,16 @@ import numpy as np
 
 from tanteo.geometry import maximize
 from tanteo.geometry.typing import FloatArray
-from tanteo.sensors.calibration.geometry import BEAM, Prediction, Prior, Setup, facing, predict
+from tanteo.sensors.calibration.geometry import Prediction, Prior, Setup, facing, predict
 from tanteo.sensors.calibration.log import PlaneLog, mixture_log_likelihood, outlier_probabilities
 from tanteo.sensors.calibration.noise import PlaceLaw, first_law, law_step, place_basis
 
 _FIRST_PASSES, _PASSES = 25, 300
 _CONTINUED = 3
 _TRUSTED = (0.5, 0.2)
+_BEYOND = 0.1
+"""Fraction of places beyond the largest incidence of a device from which a fit is implausible."""
+
 _CONVERGED = 0.01
 """Length of a step below which a fit has converged, in standard deviations of the estimate.
 
@@ -69,7 +72,7 @@ def refine(
     Args:
         setup: start of beams and planes.
         log: stations.
-        prior: prior of the beams.
+        prior: prior of the parameters.
         share: fraction of the smallest residuals from which the first noise law is estimated (:func:`first_law`).
         law: first noise law; None to estimate it.
         passes: largest number of steps.
@@ -124,23 +127,23 @@ def _result(setup: Setup, log: PlaneLog, prior: Prior, law: PlaceLaw, converged:
     cov = _covariance((J * ((1 - outlier) / v)[:, None]).T @ J, prior)
     likelihood = sum(
         mixture_log_likelihood(residuals[mine], v[mine], log.widths[k])
-        for k in range(len(log.beams))
-        if (mine := log.beam == k).any()
+        for k in range(len(log.devices))
+        if (mine := log.of == k).any()
     )
     deviation = prior.deviation(setup)
     evidence = likelihood - 0.5 * float(deviation @ prior.precision @ deviation)
     evidence += 0.5 * float(np.linalg.slogdet(cov)[1] + np.linalg.slogdet(prior.precision)[1])
-    chance = -float(np.sum(np.log(log.widths[log.beam])))
+    chance = -float(np.sum(np.log(log.widths[log.of])))
     # every parameter, variances as well, gains half a unit by fitting and as much again by luck (Akaike)
     gain = likelihood - chance - setup.size - law.squares.size
     return Fit(setup, law, now, residuals, v, outlier, cov, evidence, gain, converged)
 
 
 def _outlier_probabilities(log: PlaneLog, residuals: FloatArray, v: FloatArray) -> FloatArray:
-    """Return the outlier probabilities of the stations, with an outlier fraction for each sensor."""
+    """Return the outlier probabilities of the stations, with an outlier fraction for each device."""
     out = np.zeros(len(log))
-    for k in range(len(log.beams)):
-        mine = log.beam == k
+    for k in range(len(log.devices)):
+        mine = log.of == k
         out[mine] = outlier_probabilities(residuals[mine], v[mine], log.widths[k])
     return out
 
@@ -160,30 +163,30 @@ def _covariance(information: FloatArray, prior: Prior) -> FloatArray:
     return np.asarray(root @ root.T)
 
 
-def best_fit(log: PlaneLog, setups: Sequence[Setup], priors: Sequence[Prior]) -> tuple[Fit, Prior]:
+def best_fit(
+    log: PlaneLog, setups: Sequence[Setup], priors: Sequence[Prior], max_incidence: float = np.pi / 2
+) -> tuple[Fit, Prior]:
     """Return the most likely of the fits from several starts, each with few and with more initial outliers.
 
-    All fits take their first steps; the best of them continue until they converge.
+    All fits take their first steps; the best of them continue until they converge. Fits in which fewer places are
+    beyond the largest incidence of the device come first.
 
     Args:
         log: stations.
         setups: starts.
         priors: prior for each start.
+        max_incidence: largest incidence at which the device answers [rad].
     """
+
+    def rank(fit: Fit) -> tuple[bool, bool, float]:
+        beyond = fit.prediction.incidences[fit.outlier <= 0.5] > max_incidence
+        return fit.explains, not len(beyond) or float(np.mean(beyond)) <= _BEYOND, fit.evidence
+
     fits = [
         (refine(setup, log, prior, share=share, passes=_FIRST_PASSES), prior)
         for setup, prior in zip(setups, priors, strict=True)
         for share in _TRUSTED
     ]
-    fits.sort(key=lambda f: (-f[0].explains, -f[0].evidence))
+    fits.sort(key=lambda f: rank(f[0]), reverse=True)
     continued = [(refine(fit.setup, log, prior, law=fit.law), prior) for fit, prior in fits[:_CONTINUED]]
-    return max(continued, key=lambda f: (f[0].explains, f[0].evidence))
-
-
-def beam_slice(k: int) -> slice:
-    """Return the slice of a beam's parameters among all.
-
-    Args:
-        k: index of the beam.
-    """
-    return slice(len(BEAM) * k, len(BEAM) * (k + 1))
+    return max(continued, key=lambda f: rank(f[0]))

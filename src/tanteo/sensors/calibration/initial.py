@@ -8,11 +8,13 @@ with the nearer half, because far readings have the largest errors and the large
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
+from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms, Vectors
-from tanteo.sensors.calibration.geometry import Setup, plane_frame
+from tanteo.sensors.calibration.geometry import PlaneTarget, Setup, facing_planes, plane_frame
 from tanteo.sensors.calibration.log import PlaneLog
 
 _NORMALS = 150
@@ -25,14 +27,16 @@ _OPEN = 1e-8
 """Scatter of points across the beams below which it counts as zero [m^2]."""
 
 
-def starts(log: PlaneLog, T_hand_beams: Transforms | None) -> list[Setup]:
+def starts(log: PlaneLog, T_hand_beams: Transforms | None, target: PlaneTarget | None = None) -> list[Setup]:
     """Return setups to refine, best first, beginning with that of the rig if it is known.
 
     Args:
         log: stations.
         T_hand_beams: poses of the beams in the rig ``(k, 4, 4)`` [m]; None if unknown.
+        target: known pose of all planes; None if unknown.
     """
     out = [] if T_hand_beams is None else [_setup(log, T_hand_beams, np.ones(len(log), dtype=bool))]
+    out += [replace(out[0], T_world_planes=facing_planes(log, T_hand_beams))] if T_hand_beams is not None else []
     lead = int(np.argmax(np.bincount(log.beam)))
     near = log.ranges <= np.median(log.ranges[log.beam == lead])
     for use, T_hand_lead in [(take, T) for take in (near | True, near) for T in _lead_beams(log, lead, take)]:
@@ -40,15 +44,22 @@ def starts(log: PlaneLog, T_hand_beams: Transforms | None) -> list[Setup]:
         Ts[lead] = T_hand_lead
         planes = _planes(log, Ts, (log.beam == lead) & use)
         for k in range(len(log.beams)):
-            if k != lead:
+            first = int(np.argmax(log.device == log.device[k]))
+            if log.device[k] == log.device[lead]:
+                Ts[k] = T_hand_lead @ SE3.inverse(log.T_device_beams[lead]) @ log.T_device_beams[k]
+            elif k == first:
                 Ts[k] = _other_beam(log, k, planes)
+            else:
+                Ts[k] = Ts[first] @ SE3.inverse(log.T_device_beams[first]) @ log.T_device_beams[k]
         out.append(_setup(log, Ts, use))
-    return out
+    if target is None:
+        return out
+    known = np.repeat(target.T_world_plane[None], len(log.planes), axis=0)
+    return [replace(setup, T_world_planes=known) for setup in out]
 
 
 def _setup(log: PlaneLog, Ts: Transforms, use: BoolArray) -> Setup:
-    k = len(log.beams)
-    return Setup(Ts, np.zeros(k), np.zeros(k), _planes(log, Ts, use))
+    return Setup.of_beams(Ts, log.device, log.T_device_beams, _planes(log, Ts, use))
 
 
 def _lead_beams(log: PlaneLog, lead: int, use: BoolArray) -> list[Transforms]:

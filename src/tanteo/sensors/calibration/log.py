@@ -12,6 +12,7 @@ import numpy as np
 
 from tanteo.errors import ReadingsError
 from tanteo.features.kinds import PLANE
+from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.sensors.kinds import reading_kind
 from tanteo.sensors.presets import NoiseLaw
@@ -92,7 +93,10 @@ class PlaneLog:
     """Log as ``m`` stations, each with all readings of one sensor on one plane at one hand pose.
 
     Attributes:
-        beams: names of the sensors.
+        beams: names of the beams: sensors, or zones of multi-zone devices.
+        devices: names of the devices.
+        device: index of the device of each beam ``(k,)``.
+        T_device_beams: nominal poses of the beams in their device ``(k, 4, 4)`` [m].
         planes: names of the planes.
         beam: index of the sensor of each station ``(m,)``.
         plane: index of the plane of each station ``(m,)``.
@@ -103,12 +107,15 @@ class PlaneLog:
         is_outlier: mask of the readings that are outliers among their repeats ``(n,)``.
         readings: readings of the log.
         values: ranges along the beam ``(n,)`` [m]; NaN for unused readings.
-        repeats: repeatability of each sensor.
-        widths: width of each sensor's interval of ranges in the log ``(k,)`` [m].
-        largest: largest range of each sensor ``(k,)`` [m].
+        repeats: repeatability of each device.
+        widths: width of each device's interval of ranges in the log ``(u,)`` [m].
+        largest: largest range of each device ``(u,)`` [m].
     """
 
     beams: tuple[str, ...]
+    devices: tuple[str, ...]
+    device: IntArray
+    T_device_beams: Transforms
     planes: tuple[str, ...]
     beam: IntArray
     plane: IntArray
@@ -125,6 +132,11 @@ class PlaneLog:
 
     def __len__(self) -> int:
         return len(self.ranges)
+
+    @property
+    def of(self) -> IntArray:
+        """Return the device of each station ``(m,)``."""
+        return self.device[self.beam]
 
 
 def plane_log(readings: Readings, rig: Rig | None = None) -> PlaneLog:
@@ -151,9 +163,14 @@ def plane_log(readings: Readings, rig: Rig | None = None) -> PlaneLog:
     station, first = order[station.ravel()], np.sort(first)
     cosines = {s.name: s.axis_cosine for s in rig.sensors} if rig is not None else {}
     d = readings.ranges[rows] / np.array([cosines.get(name, 1.0) for name in beams])[beam]
+    units = {s.name: s.device for s in rig.sensors} if rig is not None else {}
+    names = [units.get(name, name) for name in beams]
+    devices = tuple(dict.fromkeys(names))
+    device = np.array([devices.index(name) for name in names], dtype=np.int64)
+    of = device[beam]
     outliers, repeats = np.zeros(len(rows), dtype=bool), []
-    for k in range(len(beams)):
-        mine = beam == k
+    for k in range(len(devices)):
+        mine = of == k
         law, outliers[mine] = _repeat_noise(d[mine], station[mine], np.ptp(d[mine]))
         repeats.append(law)
     counts = np.bincount(station[~outliers], minlength=len(first))
@@ -163,6 +180,9 @@ def plane_log(readings: Readings, rig: Rig | None = None) -> PlaneLog:
     values[rows] = d
     return PlaneLog(
         beams=beams,
+        devices=devices,
+        device=device,
+        T_device_beams=_in_device(beams, rig),
         planes=tuple(name or "plane" for name in planes),
         beam=beam[first],
         plane=plane[first],
@@ -174,9 +194,19 @@ def plane_log(readings: Readings, rig: Rig | None = None) -> PlaneLog:
         readings=readings,
         values=values,
         repeats=tuple(repeats),
-        widths=np.array([max(np.ptp(d[beam == k]), 1e-3) for k in range(len(beams))]),
-        largest=np.array([d[beam == k].max() for k in range(len(beams))]),
+        widths=np.array([max(np.ptp(d[of == k]), 1e-3) for k in range(len(devices))]),
+        largest=np.array([d[of == k].max() for k in range(len(devices))]),
     )
+
+
+def _in_device(beams: tuple[str, ...], rig: Rig | None) -> Transforms:
+    """Return the nominal poses of the beams in their device ``(k, 4, 4)`` [m]; identities without a rig."""
+    out = np.tile(np.eye(4), (len(beams), 1, 1))
+    known = {} if rig is None else {s.name: s for s in rig.sensors}
+    for k, name in enumerate(beams):
+        if name in known:
+            out[k] = SE3.inverse(known[name].T_hand_unit) @ known[name].T_hand_sensor
+    return out
 
 
 def _usable(readings: Readings) -> BoolArray:

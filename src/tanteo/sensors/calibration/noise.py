@@ -29,10 +29,10 @@ _LARGEST_DENSE = 1500
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaceLaw:
-    """Noise law of the places for every sensor.
+    """Noise law of the places for every device.
 
     Attributes:
-        squares: squares of :data:`TERMS` for every sensor ``(k, 3)``.
+        squares: squares of :data:`TERMS` for every device ``(k, 3)``.
     """
 
     squares: FloatArray
@@ -44,7 +44,7 @@ class PlaceLaw:
             log: stations.
             basis: factors of the squares, see :func:`place_basis` ``(m, 3)``.
         """
-        return np.maximum(np.sum(self.squares[log.beam] * basis, axis=1) + repeat_variances(log), _LEAST)
+        return np.maximum(np.sum(self.squares[log.of] * basis, axis=1) + repeat_variances(log), _LEAST)
 
     def moved(self, step: FloatArray) -> PlaceLaw:
         """Return the law after a step.
@@ -73,7 +73,7 @@ def repeat_variances(log: PlaneLog) -> FloatArray:
         log: stations.
     """
     sigmas = np.stack([r.law.sigma(log.ranges) for r in log.repeats])
-    return np.asarray(sigmas[log.beam, np.arange(len(log))] ** 2 / log.counts)
+    return np.asarray(sigmas[log.of, np.arange(len(log))] ** 2 / log.counts)
 
 
 def first_law(log: PlaneLog, residuals: FloatArray, basis: FloatArray, share: float) -> PlaceLaw:
@@ -87,9 +87,9 @@ def first_law(log: PlaneLog, residuals: FloatArray, basis: FloatArray, share: fl
         basis: factors of the squares, see :func:`place_basis` ``(m, 3)``.
         share: fraction of the residuals.
     """
-    squares = np.empty((len(log.beams), len(TERMS)))
-    for k in range(len(log.beams)):
-        mine = log.beam == k
+    squares = np.empty((len(log.devices), len(TERMS)))
+    for k in range(len(log.devices)):
+        mine = log.of == k
         quantile = math.sqrt(2) * float(erfinv(share))
         spread = max((np.quantile(np.abs(residuals[mine]), share) / quantile) ** 2, 1e-16)
         squares[k] = spread / len(TERMS) / np.maximum(np.mean(basis[mine], axis=0), 1e-9)
@@ -115,8 +115,8 @@ def law_step(
     pull = weights * residuals**2 / v**2
     rest = np.maximum(weights / v - weights**2 * hat / v**2, 0.0)
     ratio, down = np.ones_like(law.squares), np.zeros_like(law.squares)
-    for k in range(len(log.beams)):
-        mine = log.beam == k
+    for k in range(len(log.devices)):
+        mine = log.of == k
         down[k] = rest[mine] @ basis[mine]
         np.divide(pull[mine] @ basis[mine], down[k], out=ratio[k], where=down[k] > 0)
     step = np.log(np.maximum(law.squares * np.sqrt(ratio), 1e-3 * _LEAST) / law.squares)
@@ -137,9 +137,9 @@ def law_cov(
         cov: covariance of the setup ``(size, size)``.
     """
     v = law.variances(log, basis)
-    out = np.empty((len(log.beams), len(TERMS), len(TERMS)))
-    for k in range(len(log.beams)):
-        mine = (log.beam == k) & (weights > 0.5)
+    out = np.empty((len(log.devices), len(TERMS), len(TERMS)))
+    for k in range(len(log.devices)):
+        mine = (log.of == k) & (weights > 0.5)
         B, inverse = basis[mine], 1 / v[mine]
         if mine.sum() <= _LARGEST_DENSE:
             scaled = inverse[:, None] * jacobian[mine]
@@ -172,8 +172,8 @@ def with_noise_uncertain(
     v = law.variances(log, basis)
     W = law_cov(law, log, weights, basis, jacobian, cov)
     more = np.zeros_like(cov)
-    for k in range(len(log.beams)):
-        mine = log.beam == k
+    for k in range(len(log.devices)):
+        mine = log.of == k
         J, B, w, u = jacobian[mine], basis[mine], weights[mine], v[mine]
         P = [(J * (w * B[:, i] / u**2)[:, None]).T @ J for i in range(len(TERMS))]
         for i in range(len(TERMS)):

@@ -19,7 +19,7 @@ from tanteo.words.findings import Finding, Undetermined
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BeamFit:
-    """One sensor.
+    """One beam: a sensor, or a zone of a multi-zone device.
 
     Attributes:
         name: name of the sensor.
@@ -32,7 +32,6 @@ class BeamFit:
         repeats: repeatability at one place.
         place_sds: standard deviations between places: floor [m], per range, and across the beam per range ``(3,)``.
         place_cov: covariance of the squares of ``place_sds`` ``(3, 3)``.
-        undetermined: combinations of parameters that the log does not determine.
     """
 
     name: str
@@ -43,10 +42,39 @@ class BeamFit:
     repeats: Repeats
     place_sds: FloatArray
     place_cov: FloatArray
-    undetermined: tuple[Undetermined, ...]
 
     def __post_init__(self) -> None:
         freeze(self, "T_hand_beam", "cov", "place_sds", "place_cov")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DeviceFit:
+    """One device with its beams.
+
+    Attributes:
+        name: name of the device.
+        zones: number of its beams.
+        T_hand_device: pose of the device on the hand ``(4, 4)`` [m].
+        values: offset [m], scale, slant, and relative error of the field of view ``(4,)``.
+        cov: covariance of its pose (body error [m, rad]) and ``values`` ``(10, 10)``.
+        prior: covariance before the log ``(10, 10)``.
+        zone_offsets: offsets of its zones beside the device's ``(zones,)`` [m].
+        undetermined: combinations of parameters that the log does not determine.
+        advice: next pose of the hand that would determine most; empty if all is determined.
+    """
+
+    name: str
+    zones: int
+    T_hand_device: Transforms
+    values: FloatArray
+    cov: Covariances
+    prior: Covariances
+    zone_offsets: FloatArray
+    undetermined: tuple[Undetermined, ...]
+    advice: str
+
+    def __post_init__(self) -> None:
+        freeze(self, "T_hand_device", "values", "cov", "prior", "zone_offsets")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,10 +122,11 @@ class Calibration(Value):
     """Result of a calibration.
 
     Attributes:
-        status: ``calibrated``; ``insufficient`` if neither log nor rig determines the pose of a beam, or a quarter of
-            the places contradict the rest.
+        status: ``calibrated``; ``insufficient`` if neither log nor rig determines the pose of a beam, if the log
+            determines nothing of a device, or a quarter of the places contradict the rest.
         findings: reasons for the status, the verdict first.
-        beams: calibrated sensors.
+        beams: calibrated beams: sensors, or zones of multi-zone devices.
+        devices: devices of the beams.
         planes: fitted planes.
         outliers: excluded readings.
         log: stations.
@@ -112,6 +141,7 @@ class Calibration(Value):
     status: str
     findings: tuple[Finding, ...]
     beams: tuple[BeamFit, ...]
+    devices: tuple[DeviceFit, ...]
     planes: tuple[PlaneFit, ...]
     outliers: tuple[Outlier, ...]
     log: PlaneLog
@@ -190,7 +220,7 @@ def make_outliers(log: PlaneLog, fit: Fit) -> tuple[Outlier, ...]:
     out = []
     ids = np.array(log.readings.ids, dtype=object)
     for s in np.flatnonzero(fit.outlier > 0.5).tolist():
-        reading, expected, ceiling = log.ranges[s], fit.prediction.ranges[s], log.largest[log.beam[s]]
+        reading, expected, ceiling = log.ranges[s], fit.prediction.ranges[s], log.largest[log.of[s]]
         # a saturated device reports its largest range where a larger one is expected
         saturated = expected - ceiling > ceiling - reading
         rows = (log.station == s) & ~log.is_outlier

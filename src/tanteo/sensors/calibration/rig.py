@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.sensors.calibration.result import BeamFit, Calibration
+from tanteo.geometry import SE3
+from tanteo.sensors.calibration.geometry import widened
+from tanteo.sensors.calibration.result import BeamFit, Calibration, DeviceFit
 from tanteo.sensors.presets import SensorPreset
 from tanteo.sensors.rig import Rig, RigSensor
 
@@ -34,12 +38,52 @@ def calibrated_rig(found: Calibration, *, rig: Rig | None = None, sensor: Sensor
     if found.status != "calibrated":
         raise InputError(f"found: expected a calibration that determines the beams, got this. {found.message}")
     old = {} if rig is None else {s.name: s for s in rig.sensors}
-    fitted = {}
-    for k, beam in enumerate(found.beams):
-        mine = found.good & (found.log.beam == k)
-        slanted = abs(beam.slant) * math.sqrt(np.mean(np.tan(found.incidences[mine]) ** 4))
-        fitted[beam.name] = _sensor(beam, old.get(beam.name), sensor, slanted)
+    fitted = dict[str, RigSensor]()
+    for k, device in enumerate(found.devices):
+        mine = found.good & (found.log.of == k)
+        first = found.beams[int(np.argmax(found.log.device == k))]
+        slanted = abs(first.slant) * math.sqrt(np.mean(np.tan(found.incidences[mine]) ** 4))
+        if device.zones == 1:
+            fitted[first.name] = _sensor(first, old.get(first.name), sensor, slanted)
+        else:
+            fitted |= {one.name: one for one in _zones(device, first, found, old, slanted)}
     return Rig(tuple(fitted.get(name) or old[name] for name in dict.fromkeys([*old, *fitted])), "calibration")
+
+
+def _zones(
+    device: DeviceFit, beam: BeamFit, found: Calibration, old: Mapping[str, RigSensor], slanted: float
+) -> list[RigSensor]:
+    """Return all zones of a device, with its pose, offset and scale; zones without readings have its offset."""
+    log = found.log
+    measured = dict(zip(log.beams, np.concatenate([d.zone_offsets for d in found.devices]), strict=True))
+    zones = [one for one in old.values() if one.device == device.name]
+    offset, scale, _, field = device.values
+    nominal = np.array([SE3.inverse(one.T_hand_unit) @ one.T_hand_sensor for one in zones])
+    Ts = device.T_hand_device @ widened(nominal, np.full(len(zones), field))
+    law, cov_scale = beam.repeats.law, device.cov[:6, 7]
+    out = []
+    for one, T in zip(zones, Ts, strict=True):
+        grid = one.grid
+        if grid is not None:
+            rows, columns, height, width = grid
+            grid = (rows, columns, height * (1 + float(field)), width * (1 + float(field)))
+        out.append(
+            replace(
+                one,
+                T_hand_sensor=T,
+                T_hand_unit=device.T_hand_device,
+                grid=grid,
+                sd=max(math.hypot(float(law.const), beam.place_sds[0]), _LEAST_SD),
+                sd_prop=math.hypot(float(law.prop), float(beam.place_sds[1]), slanted),
+                bias=float(offset + measured.get(one.name, 0.0)),
+                bias_sd=float(math.sqrt(device.cov[6, 6])),
+                scale=float(scale),
+                scale_sd=float(math.sqrt(device.cov[7, 7])),
+                cov_mount=device.cov[:6, :6],
+                cov_scale=cov_scale,
+            )
+        )
+    return out
 
 
 def _sensor(beam: BeamFit, old: RigSensor | None, preset: SensorPreset | None, slanted: float) -> RigSensor:

@@ -15,7 +15,8 @@ class Undetermined(Finding):
     Attributes:
         sensor: name of the sensor.
         parameters: names of the parameters, the largest contribution first: ``x`` and ``y`` (origin across the beam),
-            ``offset`` (along it), ``rx`` and ``ry`` (direction), ``scale``.
+            ``offset`` (along it), ``rx`` and ``ry`` (direction), ``scale``; of a multi-zone device also ``z`` and
+            ``rz``; of a plane ``tilt``.
     """
 
     kind: ClassVar[str] = "undetermined"

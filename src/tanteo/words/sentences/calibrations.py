@@ -15,6 +15,9 @@ _PARAMETERS = {
     "rx": "the beam's direction (rotation about x)",
     "ry": "the beam's direction (rotation about y)",
     "scale": "the scale",
+    "z": "the origin along the axis (z)",
+    "tilt": "the tilt",
+    "rz": "the rotation about the axis",
 }
 """Text of the parameters of a beam."""
 

@@ -103,7 +103,7 @@ def _(one: f.NoPart) -> Words:
     if one.missing:
         lacks = " and ".join(_CENTRED.get(kind, (f"nothing of kind {kind}", ""))[0] for kind in one.missing)
         text = f"{one.part} has {lacks}." if one.part else f"The parts have {lacks}."
-        there = " ".join(_CENTRED[kind][1] for kind in one.present if kind in _CENTRED)
+        there = " ".join(_CENTRED[name][1] for name in one.present if name in _CENTRED)
         mesh = " A round face of a mesh may be read as free form: use STEP." if one.freeform else ""
         return f"{text}{f' {there}' if there else ''}", f"Check the column kind, or add the part's file.{mesh}"
     return "None of the parts explains the readings.", "Check units and standard deviations, or add the part's file."

@@ -1,0 +1,151 @@
+"""Parts sensed by wide cones: ``python benchmarks/wide_cones.py [scenes] [seed]``.
+
+A range is computed from 4000 rays that fill the cone, by what a device reports of it; this shares no code with the
+factor of a cone. Each response is inferred with its cone, and with the beam taken for a thin one. The pose is known to
+20 mm and 15 degrees; the part is one of eight.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from common import Table
+
+import tanteo
+from bare_scenes import inside, nees, off
+from tanteo.geometry import SE3, SO3
+from tanteo.planning.rays import cast_rays
+from tanteo.posterior import PosePrior, Priors, prepare
+from tanteo.sensors import Readings, Rig, RigSensor
+from tanteo.sensors.noise import cone_rays
+from tanteo.sensors.presets import RESPONSES
+
+PARTS = ("block", "bracket_left", "clamp", "flange", "housing", "step_12mm", "t_slot", "wedge")
+FOLDER = Path(__file__).parents[1] / "examples" / "parts"
+RAYS, SD, BIN = 4000, 1e-3, 2e-3
+SPREAD, TURN = 0.02, np.radians(15)
+
+
+@cache
+def catalogue():
+    """Return the prepared parts."""
+    return [prepare(tanteo.read_part(FOLDER / f"{name}.step")) for name in PARTS]
+
+
+def reported(response, ranges, cosines, faces, rng):
+    """Return what a device reports of the rays of its cone [m]; infinite without an echo."""
+    hit = np.isfinite(ranges) & (cosines > 0)
+    r = ranges[hit]
+    if not hit.any():
+        return np.inf
+    if response == "ray":
+        return ranges[k] if hit[k := rng.integers(len(ranges))] else np.inf
+    if response == "nearest":
+        return r.min()
+    if response == "mean":
+        return r.mean()
+    signal = np.bincount(faces[hit], weights=cosines[hit] / r**2)
+    return r[faces[hit] == np.argmax(signal)].mean()
+
+
+def scene(prepared, response, half_angle, count, rng):
+    """Return readings of a part at a random pose, the pose and its prior."""
+    T = SE3.from_parts(SO3.exp(rng.normal(size=3)), np.array([0.45, 0.1, 0.05]) + 0.05 * rng.normal(size=3))
+    Ts, ranges = [], []
+    local = cone_rays(half_angle, RAYS)
+    while len(ranges) < count:
+        outward = rng.normal(size=3)
+        outward /= np.linalg.norm(outward)
+        target = prepared.part.centroid + 0.25 * prepared.part.diagonal * rng.normal(size=3)
+        aim = SO3.exp(0.2 * rng.normal(size=3)) @ -outward
+        origin = target + outward * (0.5 * prepared.part.diagonal + rng.uniform(0.06, 0.15))
+        frame = SE3.from_parts(SO3.frame_from_axis(aim, 2), origin)
+        sensor = T @ frame
+        rays = local @ sensor[:3, :3].T
+        hits = cast_rays(prepared, T[None], np.repeat(sensor[None, :3, 3], RAYS, 0), rays[:, None])
+        d = hits.distances[:, 0]
+        r = reported(response, d, hits.cosines[:, 0], np.maximum(hits.faces[:, 0], 0), rng)
+        if np.isfinite(r) and r < 0.8:
+            Ts.append(sensor)
+            ranges.append(r + SD * rng.normal())
+    readings = Readings.from_columns(
+        ids=[str(k) for k in range(count)], ranges=ranges, sensors=["cone"] * count, Ts_world_hand=np.array(Ts)
+    )
+    C = np.diag(np.r_[np.full(3, SPREAD**2), np.full(3, TURN**2)])
+    prior = T @ SE3.exp(np.linalg.cholesky(C) @ rng.normal(size=6))
+    return readings, T, PosePrior(T_world_part=prior, covariance=C)
+
+
+def rig_of(response, half_angle):
+    sensor = RigSensor("cone", np.eye(4), None, SD, half_angle, 1.0, 0.0, np.zeros((6, 6)), response=response)
+    return Rig((sensor,))
+
+
+def judged(answer, own, T):
+    """Return probability, right, covers, decided."""
+    if not answer.hypotheses:
+        return 0.0, False, None, False
+    best = answer.hypotheses[0]
+    right = False
+    if best.part == own.part.name:
+        moved, angle = off(own.part, best.T_world_part, T)
+        value, dof = nees(own.part, best.T_world_part, best.covariance, T)
+        right = (moved < 3e-3 and angle < np.radians(5)) or value < 30 + dof
+        covers = inside(value, dof)
+    return best.probability, right, covers if right else None, answer.status == "recognized"
+
+
+def main():
+    scenes, seed = (int(x) for x in (sys.argv[1:] + ["40", "0"][len(sys.argv) - 1 :])[:2])
+    responses = [one for one in sys.argv[3:] if one != "-v"] or RESPONSES
+    columns = ("response", "as", "told", "right", "decided", "wrong above 95 %", "region holds", "s CPU")
+    table = Table("Wide cones", f"{scenes} scenes each.", columns, [])
+    for response in responses:
+        rows = {"cone": [], "thin": []}
+        for k in range(scenes):
+            rng = np.random.default_rng((seed, k))
+            own = catalogue()[k % len(PARTS)]
+            half_angle, count = np.radians(rng.uniform(2, 20)), int(rng.integers(5, 26))
+            readings, T, prior = scene(own, response, half_angle, count, rng)
+            for name, rig in (("cone", rig_of(response, half_angle)), ("thin", rig_of(response, np.radians(0.2)))):
+                start = time.process_time()
+                answer = tanteo.identify(
+                    readings, [one.part for one in catalogue()], rig=rig, priors=replace(Priors(), pose=prior)
+                )
+                spent = time.process_time() - start
+                rows[name].append((*judged(answer, own, T), spent))
+                if "-v" in sys.argv:
+                    print(
+                        response,
+                        name,
+                        k,
+                        own.part.name,
+                        round(np.degrees(half_angle), 1),
+                        count,
+                        rows[name][-1],
+                        answer.status,
+                        flush=True,
+                    )
+        for name, found in rows.items():
+            P, right, covers, decided, spent = (list(x) for x in zip(*found, strict=True))
+            covers = [h for h in covers if h is not None]
+            wrong = sum(p > 0.95 and d and not r for p, r, d in zip(P, right, decided, strict=True))
+            table.rows.append(
+                (
+                    response, name, f"{np.mean(P):.3f}", f"{np.mean(right):.3f}", str(sum(decided)), str(wrong),
+                    f"{sum(covers)} of {len(covers)}", f"{np.mean(spent):.2f}",
+                )
+            )  # fmt: skip
+        print(table.markdown(), flush=True)
+
+
+if __name__ == "__main__":
+    main()

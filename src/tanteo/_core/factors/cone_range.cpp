@@ -1,0 +1,232 @@
+// The range of a device with a wide beam, by what it reports of its cone: one random ray, the nearest surface, the mean of
+// all rays, or the surface that returns most.
+#include <algorithm>
+#include <cmath>
+
+#include "factors/cone.hpp"
+#include "factors/on_surface.hpp"
+#include "normal.hpp"
+
+namespace tanteo {
+
+namespace {
+
+// What chose these numbers: benchmarks/wide_cones.py.
+constexpr int RAYS = 31, FEW_RAYS = 7;   // rays that fill a cone, and while noise is blurred
+constexpr double EDGE_SD = 0.05;         // relative standard deviation of the half angle: sensitivity fades at the edge
+constexpr double WEIGHT_SD = 0.25;       // of the mean over rays, over their spread: their weights by reflectance are unknown
+constexpr int STRONGER = 4;              // power of the signal to which a surface is the strongest
+constexpr double SAME = 0.3;             // difference in standard deviations up to which echoes of one face are one component
+constexpr double GOLDEN_TURN = 2.39996322972865332;
+
+}  // namespace
+
+// p(range | pose) = sum over responses of share * N(range; predicted range, variance). The place of the factor is on the
+// axis at the range; the axis is its sensed direction, so that both move with shared errors.
+class ConeRange final : public OnSurface {
+  public:
+    void evaluate(const Placement& placement, Components& out) const override;
+    int codimension() const override { return 1; }
+    bool aimed() const override { return true; }
+    bool has_models() const override { return is_open(); }
+    double rough_cost(const Shape& shape, const Pose& pose, double blur, double tilt) const override;
+    NearestElement nearest(const Shape& shape, const Pose& pose, const Vec3& p, bool coarse) const override;
+
+    void fill(const Columns& columns, size_t row) {
+        OnSurface::fill(columns, row);
+        direction = inward;
+        aims = true;
+        range = columns.number("ranges", row, 0, 1e300);
+        half_angle = columns.number("half_angles", row, 0, 1.5);
+        least_cosine = std::cos(columns.number("max_incidences", row, 0, 0.5 * PI));
+        of_rays = columns.number("of_rays", row, 0, 1);
+        of_nearest = columns.number("of_nearest", row, 0, 1);
+        of_mean = columns.number("of_mean", row, 0, 1);
+        of_strongest = columns.number("of_strongest", row, 0, 1);
+    }
+
+  private:
+    double range = 0, half_angle = 0, least_cosine = 0;
+    double of_rays = 0, of_nearest = 0, of_mean = 0, of_strongest = 0;  // probability of each response
+
+    // Whether the response is unknown: a model of its own for each, which all readings of the problem share.
+    bool is_open() const { return of_nearest > 0 && of_nearest < 1; }
+    void add(const Shape& shape, const ConeEcho& echo, double share, double variance, double negligible, size_t first,
+             Components& out) const;
+    void evaluate_nearest(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance,
+                          Components& out) const;
+    void evaluate_rays(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance,
+                       Components& out) const;
+    double reach(double sd) const { return range + REACH * sd; }
+};
+
+// Adds a component, or its share to an equal one.
+void ConeRange::add(const Shape& shape, const ConeEcho& echo, double share, double variance, double negligible,
+                    size_t first, Components& out) const {
+    Component c;
+    const int model = !is_open() ? -1 : out.nearest ? 1 : 0;
+    c.distance = echo.range - range;
+    c.per_sd = 1 / std::sqrt(variance);
+    const double r = c.distance * c.per_sd;
+    if (!(std::fabs(r) < REACH)) return;
+    c.weight = share * c.per_sd * fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - log_outlier);
+    if (!(c.weight >= negligible)) return;
+    c.element = shape.faces[echo.triangle];
+    for (size_t k = first; k < out.size(); ++k) {
+        Component& other = out.all[k];
+        if (other.element != c.element || other.model != model || std::fabs(other.distance - c.distance) * c.per_sd > SAME) continue;
+        const double sum = other.weight + c.weight, own = c.weight / sum;
+        other.distance += own * (c.distance - other.distance);
+        other.normal += own * (echo.by_origin - other.normal);
+        other.by_turn += own * (echo.by_axis - range * echo.by_origin - other.by_turn);
+        other.weight = sum;
+        return;
+    }
+    c.model = model;
+    c.normal = echo.by_origin;
+    c.turns = true;
+    c.by_turn = echo.by_axis - range * echo.by_origin;
+    out.all.push_back(c);
+}
+
+void ConeRange::evaluate(const Placement& at, Components& out) const {
+    const double variance = dot(at.m, at.C * at.m);
+    const Cone cone{at.p - range * at.m, at.m, half_angle, least_cosine};
+    Cone widest = cone;
+    widest.half_angle = std::min(half_angle * (1 + 1.74 * EDGE_SD), 1.55);
+    const bool all = of_mean + of_strongest > 0;  // surfaces behind the reported range count, too
+    const std::vector<int> triangles =
+        triangles_in(at.shape, widest, all ? 1e150 : reach(std::sqrt(variance)));
+    if (triangles.empty()) return;
+    out.nearest = true;
+    if (of_nearest > 0) evaluate_nearest(at, widest, triangles, variance, out);
+    out.nearest = false;
+    if (of_nearest < 1) evaluate_rays(at, cone, triangles, variance, out);
+}
+
+// The half angle is uncertain: three nodes of Gauss and Hermite, which the nearest echo shares if it is inside all of them.
+void ConeRange::evaluate_nearest(const Placement& at, const Cone& widest, const std::vector<int>& triangles, double variance,
+                                 Components& out) const {
+    const double nodes[3] = {1 + 1.732 * EDGE_SD, 1, 1 - 1.732 * EDGE_SD}, weights[3] = {1. / 6, 2. / 3, 1. / 6};
+    const size_t first = out.size();
+    Cone cone = widest;
+    ConeEcho echo;
+    double left = 1;
+    for (int k = 0; k < 3; ++k) {
+        cone.half_angle = std::min(half_angle * nodes[k], 1.55);
+        echo = nearest_in(at.shape, triangles, cone);
+        if (echo.triangle < 0) return;
+        const bool last = dot(echo.ray, cone.axis) > std::cos(half_angle * nodes[2]);
+        add(at.shape, echo, of_nearest * (last ? left : weights[k]), variance, at.negligible, first, out);
+        if (last) return;
+        left -= weights[k];
+    }
+}
+
+void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance,
+                              Components& out) const {
+    const Vec3 across = any_across(direction);  // of the world: the rays turn with the sensor
+    Vec3 u = transposed_times(at.R, across);
+    u = unit(u - dot(u, cone.axis) * cone.axis);
+    const Vec3 v = cross(cone.axis, u);
+    const double slope = std::tan(half_angle);
+    const int count = at.blur > 0.25 * slope * range ? FEW_RAYS : RAYS;
+    const size_t first = out.size();
+    const Seen seen(at.shape, triangles, cone);
+    ConeEcho echoes[RAYS];
+    int hits = 0;
+    for (int k = 0; k < count; ++k) {
+        const double off = slope * std::sqrt((k + 0.5) / count), turn = k * GOLDEN_TURN;
+        const Vec3 ray = unit(cone.axis + (off * std::cos(turn)) * u + (off * std::sin(turn)) * v);
+        const ConeEcho echo = seen.echo(ray);
+        if (echo.triangle < 0) continue;
+        echoes[hits++] = echo;
+        if (!(of_rays > 0)) continue;
+        // a ray stands for its cell of the cone, in which the range varies with the incidence
+        const double tangent2 = 1 / (echo.cosine * echo.cosine) - 1, cell = echo.range * slope * 0.5;
+        add(at.shape, echo, of_rays / count, variance + cell * cell * tangent2 / count, at.negligible, first, out);
+    }
+    if (!hits) return;
+    // the mean of the rays of some faces, which are the hits where face is -1 or that of the triangle
+    const auto add_mean = [&](int face, double share) {
+        ConeEcho mean;
+        mean.range = 0;
+        double sum = 0, squares = 0;
+        int n = 0;
+        for (int k = 0; k < hits; ++k) {
+            const ConeEcho& echo = echoes[k];
+            if (face >= 0 && at.shape.faces[echo.triangle] != face) continue;
+            sum += echo.range;
+            squares += echo.range * echo.range;
+            mean.by_origin += echo.by_origin;
+            mean.by_axis += echo.by_axis;
+            mean.triangle = echo.triangle;
+            ++n;
+        }
+        mean.range = sum / n;
+        mean.by_origin = (1.0 / n) * mean.by_origin;
+        mean.by_axis = (1.0 / n) * mean.by_axis;
+        const double spread = std::max(squares / n - mean.range * mean.range, 0.0);
+        add(at.shape, mean, share, variance + spread * (WEIGHT_SD * WEIGHT_SD + 1.0 / n), at.negligible, out.size(), out);
+    };
+    if (of_mean > 0) add_mean(-1, of_mean);
+    if (!(of_strongest > 0)) return;
+    struct Surface {
+        int face;
+        double signal;
+    } surfaces[RAYS];
+    int faces = 0;
+    for (int k = 0; k < hits; ++k) {
+        const int face = at.shape.faces[echoes[k].triangle];
+        const double signal = echoes[k].cosine / (echoes[k].range * echoes[k].range);
+        int j = 0;
+        while (j < faces && surfaces[j].face != face) ++j;
+        if (j == faces) surfaces[faces++] = {face, 0};
+        surfaces[j].signal += signal;
+    }
+    double most = 0, sum = 0;
+    for (int j = 0; j < faces; ++j) most = std::max(most, surfaces[j].signal);
+    for (int j = 0; j < faces; ++j) sum += surfaces[j].signal = std::pow(surfaces[j].signal / most, STRONGER);
+    for (int j = 0; j < faces; ++j) add_mean(surfaces[j].face, of_strongest * surfaces[j].signal / sum);
+}
+
+// By the distance field: a surface is at the range somewhere in the spot, and the ball that the cone holds is empty.
+double ConeRange::rough_cost(const Shape& shape, const Pose& pose, double blur, double tilt) const {
+    (void)tilt;
+    const Vec3 p = into_part(pose, at), a = transposed_times(pose.R, inward), o = p - range * a;
+    const double spot = range * std::tan(half_angle), sine = std::sin(half_angle);
+    const double beside = std::max(shape.field(p) - spot, 0.0), far = std::max(shape.field(o) - range, 0.0);
+    const double along = range / (1 + sine), inside = std::max(along * sine - shape.field(o + along * a), 0.0);
+    const double cost = (beside * beside + far * far + (of_nearest > 0 ? inside * inside : 0)) / (blur * blur);
+    return std::min(cost, ROUGH_CAP);
+}
+
+NearestElement ConeRange::nearest(const Shape& shape, const Pose& pose, const Vec3& p, bool coarse) const {
+    const Vec3 a = transposed_times(pose.R, direction);
+    const Cone cone{p - range * a, a, half_angle, least_cosine};
+    ConeEcho echo;
+    if (of_nearest == 0) {
+        echo.range = shape.cast(cone.origin, a, 1e299, &echo.triangle);
+        if (echo.triangle >= 0) {
+            echo.ray = a;
+            echo.cosine = -dot(shape.normals[echo.triangle], a);
+            if (!(echo.cosine > 1e-3)) echo = {};
+        }
+    }
+    if (echo.triangle < 0) echo = nearest_in(shape, triangles_in(shape, cone, 2 * range), cone);
+    if (echo.triangle < 0) return OnSurface::nearest(shape, pose, p, coarse);
+    // the place at the range along the ray to the surface, and its distance from the plane there
+    const Vec3& n = shape.normals[echo.triangle];
+    const double cosine = -dot(n, echo.ray);
+    NearestElement out;
+    out.possible = true;
+    out.distance = (echo.range - range) * cosine;
+    out.direction = n;
+    out.beside = range * (echo.ray - a);
+    out.along = cosine;
+    return out;
+}
+
+static const RegisteredKind registered("cone_range", factors_from_columns<ConeRange>);
+
+}  // namespace tanteo

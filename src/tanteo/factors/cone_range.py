@@ -1,0 +1,73 @@
+"""Ranges of devices whose beam is so wide that the range along its axis is not what they report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from tanteo.factors.factor import MeasuredRow
+from tanteo.factors.on_surface import OnSurface
+
+SHARES: dict[str, dict[str, float]] = {
+    "ray": {"of_rays": 1.0},
+    "nearest": {"of_nearest": 1.0},
+    "mean": {"of_mean": 1.0},
+    "strongest": {"of_strongest": 1.0},
+    "": {"of_rays": 0.5, "of_nearest": 0.5},
+}
+"""Definition: probability of each response in the density; an unknown one is a random ray or the nearest surface."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ConeRange(OnSurface):
+    """Range of a wide beam: its density is that of the reported range, over what the device may report of its cone.
+
+    ``at`` is on the axis of the cone, at the range.
+
+    Attributes:
+        range: range along the beam [m].
+        half_angle: half angle of the cone [rad].
+        max_incidence: largest incidence at which the device detects a surface [rad].
+        response: what the device reports of its cone, one of :data:`~tanteo.sensors.presets.RESPONSES`; empty if
+            unknown.
+
+    Example:
+        >>> from tanteo.factors.cone_range import ConeRange
+        >>> down = np.array([0.0, 0.0, -1.0])
+        >>> echo = ConeRange(at=np.zeros(3), cov=1e-6 * np.eye(3), approach=down, range=0.2, half_angle=0.3)
+        >>> echo.response
+        ''
+    """
+
+    core: ClassVar[str] = "cone_range"
+    codimension: ClassVar[int] = 1
+    flat_face: ClassVar[bool] = True
+    range: float
+    half_angle: float
+    max_incidence: float = 1.5707
+    response: str = ""
+
+    @property
+    def residual_sd(self) -> float:
+        """Return the standard deviation of the range [m]."""
+        axis = np.asarray(self.approach)
+        return float(np.sqrt(axis @ self.cov @ axis))
+
+    def columns(self) -> dict[str, Any]:
+        """Return the numbers of the cone, and the probability of each response."""
+        shares = {name: 0.0 for share in SHARES.values() for name in share} | SHARES[self.response]
+        return {
+            "directions": self.approach, "round_face": False, "ranges": self.range, "half_angles": self.half_angle,
+            "max_incidences": self.max_incidence, **shares,
+        }  # fmt: skip
+
+    @classmethod
+    def from_row(cls, row: MeasuredRow) -> ConeRange:
+        """Return a factor from one row with a cone."""
+        assert row.cone is not None
+        return cls(
+            at=row.at, cov=row.cov, approach=row.approach, free_path=row.free_path, range=row.cone.range,
+            half_angle=row.cone.half_angle, max_incidence=row.cone.max_incidence, response=row.cone.response,
+        )  # fmt: skip

@@ -1,0 +1,117 @@
+"""Wide cones: predicted ranges are those of many rays, derivatives are differences, and rigs state the response."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tanteo
+from bare_scenes import no_paths
+from tanteo import _core
+from tanteo.errors import InputError
+from tanteo.factors import as_contact_points
+from tanteo.geometry import SE3, SO3
+from tanteo.planning.rays import cast_rays
+from tanteo.posterior import Priors, Problem, prepare
+from tanteo.sensors import Readings, Rig, RigSensor, measure
+from tanteo.sensors.noise import cone_rays
+from tanteo.sensors.presets import RESPONSES, SensorPreset, sensor_presets
+
+ANGLE, SD = 0.25, 1e-3
+_CORNERS = np.array([[x, y, z] for x in (0, 0.06) for y in (0, 0.04) for z in (0, 0.03)], dtype=float)
+_FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
+     [1, 5, 7], [1, 7, 3]]
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def block():
+    return prepare(tanteo.part_from_mesh(_CORNERS, _FACES, unit="m", name="block"))
+
+
+def rig_of(response):
+    sensor = RigSensor("s", np.eye(4), None, SD, ANGLE, 1.0, 0.0, np.zeros((6, 6)), response=response)
+    return Rig((sensor,))
+
+
+def looking(rng, part):
+    outward = rng.normal(size=3)
+    outward /= np.linalg.norm(outward)
+    target = part.centroid + 0.01 * rng.normal(size=3)
+    aim = SO3.exp(0.1 * rng.normal(size=3)) @ -outward
+    return SE3.from_parts(SO3.frame_from_axis(aim, 2), target + 0.15 * outward)
+
+
+def problem_of(block, response, sensors, ranges):
+    hands = np.array(sensors)
+    readings = Readings.from_columns(ranges=ranges, sensors=["s"] * len(ranges), Ts_world_hand=hands)
+    points = as_contact_points(measure(readings, rig=rig_of(response)))
+    problem = Problem(points, no_paths(), replace(Priors(), radius=0.2))
+    return problem, problem.compiled(block)
+
+
+def rays_of(block, sensor, count=20000):
+    along = cone_rays(ANGLE, count) @ sensor[:3, :3].T
+    return cast_rays(block, np.eye(4)[None], np.repeat(sensor[None, :3, 3], count, 0), along[:, None])
+
+
+@pytest.mark.parametrize("response", ["nearest", "mean"])
+def test_the_density_peaks_at_the_range_of_many_rays(block, response):
+    rng = np.random.default_rng(3)
+    for _ in range(8):
+        sensor = looking(rng, block.part)
+        d = rays_of(block, sensor).distances[:, 0]
+        d = d[np.isfinite(d)]
+        expected = d.min() if response == "nearest" else d.mean()
+        tried = expected + np.linspace(-4e-3, 4e-3, 81)
+        logs = []
+        for r in tried:
+            problem, core = problem_of(block, response, [sensor], [r])
+            logs.append(_core.log_densities(block.shape, core, np.eye(4)[None], np.zeros((1, problem.states)))[0])
+        # 31 rays have the mean of many to a fraction of their spread
+        slack = 1e-3 if response == "nearest" else max(1e-3, 0.3 * d.std())
+        assert abs(tried[np.argmax(logs)] - expected) < slack
+
+
+@pytest.mark.parametrize("response", ["", "ray", "nearest", "strongest"])
+def test_gradients_are_differences(block, response):
+    rng = np.random.default_rng(5)
+    sensors = [looking(rng, block.part) for _ in range(6)]
+    ranges = [float(np.nanmin(rays_of(block, s, 500).distances)) + 4e-3 * rng.random() for s in sensors]
+    problem, core = problem_of(block, response, sensors, ranges)
+    z, T = np.zeros((1, problem.states)), SE3.exp(1e-4 * rng.normal(size=(1, 6)))
+    gradient = np.asarray(_core.slopes(block.shape, core, T, z)[1])[0, :6]
+    centre, h = np.eye(4), 1e-7
+    centre[:3, 3] = block.shape.centre
+    numeric = []
+    for k in range(6):
+        step = centre @ SE3.exp(h * np.eye(6)[k]) @ SE3.inverse(centre)
+        back = centre @ SE3.exp(-h * np.eye(6)[k]) @ SE3.inverse(centre)
+        up, down = (_core.log_densities(block.shape, core, T @ S, z)[0] for S in (step, back))
+        numeric.append((up - down) / (2 * h))
+    # merged echoes and the spread of the rays of a face are held fixed in a step
+    slack = {"nearest": 1e-3}.get(response, 0.3)
+    scale = np.array([1, 1, 1, 0.05, 0.05, 0.05])
+    assert np.abs((gradient - numeric) * scale).max() <= slack * max(np.abs(numeric * scale).max(), 50.0)
+
+
+def test_nearest_echoes_find_the_pose_where_thin_beams_fail(block):
+    rng = np.random.default_rng(1)
+    sensors = [looking(rng, block.part) for _ in range(25)]
+    ranges = [float(np.nanmin(rays_of(block, s, 4000).distances)) + SD * rng.normal() for s in sensors]
+    readings = Readings.from_columns(ranges=ranges, sensors=["s"] * 25, Ts_world_hand=np.array(sensors))
+    near = tanteo.PosePrior(T_world_part=SE3.exp(np.full(6, 5e-3)), covariance=np.diag([1e-4] * 3 + [1e-2] * 3))
+    answer = tanteo.locate(readings, block.part, rig=rig_of("nearest"), priors=tanteo.Priors(pose=near))
+    xi = SE3.log(SE3.inverse(answer.pose))
+    assert answer.status == "recognized"
+    assert xi @ np.linalg.solve(answer.covariance, xi) < 22.5  # 99.9 % of six degrees of freedom
+
+
+def test_an_unknown_response_is_refused():
+    with pytest.raises(InputError, match="response of 'x': expected one of ray, nearest, mean, strongest, got 'peak'"):
+        SensorPreset("x", response="peak")
+
+
+def test_every_range_preset_states_its_response():
+    assert all((one.response in RESPONSES) != one.is_contact for one in sensor_presets().values())

@@ -1,0 +1,92 @@
+"""Zones of one device share offset, scale and pose: their number does not average these errors away."""
+
+import numpy as np
+import pytest
+
+import tanteo
+from tanteo.geometry import SE3
+from tanteo.io import read_rig, write_rig
+from tanteo.sensors import Readings, calibrate
+from tanteo.sensors.calibration import calibrated_rig
+
+TABLE = """[sensors.tof]
+preset = "tmf8820_zone3x3"
+position_mm = [0, 0, 0]
+quaternion_wxyz = [1, 0, 0, 0]
+zones = [{n}, {n}]
+field_deg = [33, 33]
+mount_sd_mm = 8
+mount_turn_sd_deg = 2
+"""
+
+
+@pytest.fixture
+def rig_file(tmp_path):
+    def of(n):
+        path = tmp_path / f"rig{n}.toml"
+        path.write_text(TABLE.format(n=n))
+        return path
+
+    return of
+
+
+def log_of(rng, rig, places=12):
+    """Ranges of the plane z = 0, and the height error of a plane that the nominal rig would see."""
+    unit = SE3.exp(rng.normal(size=6) * np.repeat([8e-3, np.radians(2)], 3))
+    offset, scale = 5e-3 * rng.normal(), 0.015 * rng.normal()
+    zone = {s.name: 1.5e-3 * rng.normal() for s in rig.sensors}
+    ranges, sensors, hands = [], [], []
+    for _ in range(places):
+        T = SE3.exp(np.r_[0.4, 0.1, rng.uniform(0.12, 0.35), 0, 0, 0])
+        T = T @ SE3.exp(np.r_[0, 0, 0, np.pi, 0, 0]) @ SE3.exp(np.r_[0, 0, 0, np.radians(5) * rng.normal(size=3)])
+        for s in rig.sensors:
+            beam = T @ s.T_hand_unit @ unit @ SE3.inverse(s.T_hand_unit) @ s.T_hand_sensor
+            d = -beam[2, 3] / beam[2, 2]
+            sd = float(s.preset.law.sigma(d))
+            ranges.append((1 + scale) * d + offset + zone[s.name] + sd * rng.normal())
+            sensors.append(s.name)
+            hands.append(T)
+    return Readings.from_columns(ranges=ranges, sensors=sensors, Ts_world_hand=np.array(hands))
+
+
+@pytest.mark.parametrize("n", [1, 3, 5])
+def test_the_plane_s_height_keeps_the_device_s_offset(rig_file, n):
+    rig, errors = read_rig(rig_file(n)), []
+    for seed in range(8):
+        found = calibrate(log_of(np.random.default_rng(seed), rig), rig=rig)
+        plane = found.planes[0]
+        at = np.array([0.4, 0.1, 0.0])
+        height = float(plane.T_world_plane[:3, 2] @ (at - plane.T_world_plane[:3, 3]))
+        errors.append(height**2 / plane.cov[2, 2])
+        assert np.sqrt(plane.cov[2, 2]) > 7e-3
+    assert np.sum(errors) < 26.1  # 99.9 % of chi-square with 8 degrees of freedom
+
+
+def test_a_device_is_one_table_and_reads_back(rig_file, tmp_path):
+    rig = read_rig(rig_file(3))
+    found = calibrate(log_of(np.random.default_rng(1), rig), rig=rig)
+    write_rig(calibrated_rig(found, rig=rig), tmp_path / "out.toml")
+    text = (tmp_path / "out.toml").read_text()
+    assert text.count("[sensors.") == 1
+    again, made = read_rig(tmp_path / "out.toml"), calibrated_rig(found, rig=rig)
+    for one, other in zip(again.sensors, made.sensors, strict=True):
+        # a written field of view widens evenly in angle, a fitted one about the axis: equal to second order
+        np.testing.assert_allclose(one.T_hand_sensor, other.T_hand_sensor, atol=2e-3)
+        np.testing.assert_allclose([one.bias, one.scale, one.sd], [other.bias, other.scale, other.sd], atol=1e-6)
+        np.testing.assert_allclose(one.cov_mount, other.cov_mount, rtol=1e-6)
+    write_rig(again, tmp_path / "twice.toml")
+    assert (tmp_path / "twice.toml").read_text() == text
+
+
+def test_an_approach_along_one_line_is_insufficient(rig_file):
+    rng, rig = np.random.default_rng(2), read_rig(rig_file(1))
+    heights = np.linspace(0.06, 0.38, 30)
+    hands = np.array([SE3.exp(np.r_[0, 0, h, 0, 0, 0]) @ SE3.exp(np.r_[0, 0, 0, np.pi, 0, 0]) for h in heights])
+    log = Readings.from_columns(
+        ranges=heights + 1e-3 * rng.normal(size=30), sensors=[rig.sensors[0].name] * 30, Ts_world_hand=hands,
+    )  # fmt: skip
+    found = calibrate(log, rig=rig)
+    assert found.status == "insufficient"
+    assert found.incidences.max() < rig.sensors[0].preset.max_incidence
+    assert found.devices[0].advice.startswith("turn it")
+    assert tanteo.calibrate is calibrate
