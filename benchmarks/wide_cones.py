@@ -21,8 +21,8 @@ from common import Table
 
 import tanteo
 from bare_scenes import inside, nees, off
+from tanteo import _core
 from tanteo.geometry import SE3, SO3
-from tanteo.planning.rays import cast_rays
 from tanteo.posterior import PosePrior, Priors, prepare
 from tanteo.sensors import Readings, Rig, RigSensor
 from tanteo.sensors.noise import cone_rays
@@ -70,9 +70,10 @@ def scene(prepared, response, half_angle, count, rng):
         frame = SE3.from_parts(SO3.frame_from_axis(aim, 2), origin)
         sensor = T @ frame
         rays = local @ sensor[:3, :3].T
-        hits = cast_rays(prepared, T[None], np.repeat(sensor[None, :3, 3], RAYS, 0), rays[:, None])
-        d = hits.distances[:, 0]
-        r = reported(response, d, hits.cosines[:, 0], np.maximum(hits.faces[:, 0], 0), rng)
+        starts = np.ascontiguousarray(np.repeat(sensor[None, :3, 3], RAYS, 0))
+        found = _core.beams(prepared.shape, T[None], starts, np.ascontiguousarray(rays[:, None]))
+        d, cosines, faces = (np.asarray(values)[:, 0] for values in found[:3])
+        r = reported(response, d, cosines, np.maximum(faces, 0), rng)
         if np.isfinite(r) and r < 0.8:
             Ts.append(sensor)
             ranges.append(r + SD * rng.normal())
