@@ -24,7 +24,7 @@ from tanteo.sensors.columns import Column
 from tanteo.sensors.noise import body_jacobian
 
 MOST_STATES = 504
-"""Largest number of states of all shared errors. The core has 64 unknowns, of which 7 are the pose and the noise."""
+"""Largest number of states of all shared errors. The core has 512 unknowns, of which 7 are the pose and the noise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
