@@ -134,10 +134,10 @@ def test_an_error_without_its_readings_is_refused(error, words):
 
 def test_more_groups_than_states_are_refused(rng):
     readings = tanteo.Readings.from_columns(
-        points=rng.normal(size=(80, 3)), directions=rng.normal(size=(80, 3)), groups=list(map(str, range(80))),
-        sds=np.full(80, SD),
+        points=rng.normal(size=(600, 3)), directions=rng.normal(size=(600, 3)), groups=list(map(str, range(600))),
+        sds=np.full(600, SD),
     )  # fmt: skip
-    with pytest.raises(InputError, match="at most 56 states, got 80 of offset by group"):
+    with pytest.raises(InputError, match="at most 504 states, got 600 of offset by group"):
         measure(readings, shared_errors=(OffsetByGroup(1e-4),))
 
 
