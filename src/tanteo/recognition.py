@@ -24,7 +24,16 @@ from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.convention_checks import about_conventions
 from tanteo.posterior.findings import about_frames, about_readings, scale_of
 from tanteo.posterior.settings import Settings
-from tanteo.sensors import PointMeasurements, Readings, Rig, measure, reading_kind, thinned, unstated_sd
+from tanteo.sensors import (
+    PointMeasurements,
+    Readings,
+    Rig,
+    check_readings_kind,
+    measure,
+    reading_kind,
+    thinned,
+    unstated_sd,
+)
 from tanteo.sensors.anomalies import without_repeats
 from tanteo.sensors.error_states import ErrorState
 from tanteo.sensors.presets import RobotPreset, SensorPreset
@@ -250,6 +259,7 @@ def _with_tip(
 
     Without a statement, touches with poses of the hand have an offset of a typical tool.
     """
+    check_readings_kind("readings", readings)
     if tip_sd is not None:
         return tip_sd, False
     touched, hands = readings.points.given, readings.Ts_world_hand.given

@@ -46,6 +46,7 @@ EXTRAS = {
     "viewer": ("viser", "the live page (tanteo view)"),
     "machines": ("serial", "machines on a serial port (tanteo probe)"),
     "bags": ("rosbags", "recordings of ROS, sessions as MCAP"),
+    "urdf": ("xacro", "rigs from xacro files (--rig robot.xacro#link)"),
     "ros": ("rclpy", "a node of ROS 2 (tanteo ros)"),
     "cluster": ("distributed", "work spread over many machines (--scheduler)"),
 }

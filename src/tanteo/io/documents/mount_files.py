@@ -174,8 +174,8 @@ def _of_urdf(file: Path, text: str, hand: str, link: str) -> tuple[Transforms, s
     if not hand:
         hand = next((one for one in _HANDS if one in above), chain[-1][0])
     if hand not in above:
-        kind = parents[chain[-1][0]][1] if chain[-1][0] in parents else ""
-        moving = f", above which is a joint of type {kind}" if kind and kind not in _FIXED else ""
+        joint = parents[chain[-1][0]][1] if chain[-1][0] in parents else ""
+        moving = f", above which is a joint of type {joint}" if joint and joint not in _FIXED else ""
         raise InputError(
             f"{file}: expected a hand above '{link}' by fixed joints ({', '.join(above) or 'none'}{moving}), got "
             f"'{hand}'. Name one of them."
