@@ -19,6 +19,7 @@ from tanteo.cli import (  # fmt: skip
     answer,
     bench,
     cache,
+    calibrate,
     catalogue,
     cell,
     demo,
@@ -214,6 +215,7 @@ def root(
 
 _sense = _group("Sense a feature or a part in the simulator, without contact.")
 _sensor = _group("Show sensors, robots and rigs, and calibrate them.")
+_calibrate = _group("Calibrate a camera on the hand.")
 _part = _group("Show the content of CAD files.")
 _cache = _group("Show the cache of CAD files, and empty it.")
 _catalogue = _group("Store many parts on disk, prepared for recognition.")
@@ -240,6 +242,8 @@ _add(_sensor, "list", sensor.list_presets)
 _add(_sensor, "show", sensor.show_preset)
 _add(_sensor, "rig", sensor.show_rig)
 _add(_sensor, "fit", sensor.fit)
+app.add_typer(_calibrate, name="calibrate")
+_add(_calibrate, "hand-eye", calibrate.hand_eye)
 app.add_typer(_part, name="part")
 _add(_part, "show", part.show)
 app.add_typer(_catalogue, name="catalogue")

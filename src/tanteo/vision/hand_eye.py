@@ -1,23 +1,22 @@
 """Hand-eye calibration: the pose of a camera on the hand, or beside the robot, with its covariance.
 
-A robot reports poses ``T_base_hand`` and a camera reports poses ``T_camera_target`` of a target that does not move. With
-``A = T_base_hand`` for a camera on the hand, and its inverse for a camera beside the robot, whose target is on the hand,
+A robot reports poses ``T_base_hand``, and a camera reports poses ``T_camera_target`` of a target that does not move.
+With ``A = T_base_hand`` for a camera on the hand, and its inverse for a fixed camera whose target is on the hand,
 
     ``A_i X B_i = Y``,
 
-where ``X`` is the pose of the camera in the frame that carries it and ``Y`` that of the target in the other frame. Both are
-estimated by maximum likelihood from the deviations of the observed from the predicted target poses. The standard
-deviations of the deviations across and along the optical axis and of the rotation are estimated, too, as variance
+where ``X`` is the pose of the camera in the frame that carries it and ``Y`` that of the target in the other frame. Both
+are estimated by maximum likelihood from the deviations of the observed from the predicted target poses. The standard
+deviations of an observation across and along the optical axis and of its rotation are estimated, too, as variance
 components, so nothing needs to be stated. Samples that contradict the others are excluded by a chi-square test.
 
-Sources: Shah (2013), Solving the robot-world/hand-eye calibration problem using the Kronecker product, J. Mechanisms and
-Robotics 5(3), for the start; Strobl and Hirzinger (2006), Optimal hand-eye calibration, IROS, for the weights; Chen
-(1991), A screw motion approach to uniqueness analysis of head-eye geometry, CVPR, for the motions that are not observed.
+Sources: Shah (2013), Solving the robot-world/hand-eye calibration problem using the Kronecker product, J. Mechanisms
+and Robotics 5(3), for the start; Strobl and Hirzinger (2006), Optimal hand-eye calibration, IROS, for the weights; Chen
+(1991), A screw motion approach to uniqueness analysis of head-eye geometry, CVPR, for the unobserved motions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -33,7 +32,7 @@ LEAST = 3
 """Least number of samples: two relative motions with different axes determine the calibration (Chen 1991)."""
 
 USELESS = 0.02, float(np.radians(2.0))
-"""Standard deviations above which a direction of the camera's pose counts as not observed [m, rad]: worse than a ruler."""
+"""Standard deviations above which a direction of the camera's pose is not observed [m, rad]: a ruler is better."""
 
 _STARTS = 100
 """Number of triples of samples from which a start is computed: with 30 % outliers all triples fail once in 10^18."""
@@ -100,7 +99,8 @@ class HandEye(Value):
             text = f"The motions do not determine the camera's pose: {'; '.join(self.unobserved)}."
         if gone:
             text += f" Samples that contradict the others, and are excluded: {', '.join(gone)}. Check them."
-        return f"{text} Next: {self.next_motion}."
+        how = "" if self.mounted == "hand" else ", relative to the hand, by moving the hand"
+        return f"{text} Next: {self.next_motion}{how}."
 
 
 def calibrate_hand_eye(
@@ -340,10 +340,8 @@ def _unobserved(C: Covariances) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _next(
-    A: Transforms, X: Transforms, Y: Transforms, sds: FloatArray, C: Covariances
-) -> tuple[Transforms, str]:
-    """Return the next ``A``, a sample rotated about an axis through the target, with the largest information on ``X``."""
+def _next(A: Transforms, X: Transforms, Y: Transforms, sds: FloatArray, C: Covariances) -> tuple[Transforms, str]:
+    """Return the sample, rotated about an axis through the target, that gives the most information on ``X``."""
     weights = 1 / _per_row(sds) ** 2
     poses, words = [], []
     for k in np.unique(np.linspace(0, len(A) - 1, min(len(A), 6)).astype(int)):
@@ -357,10 +355,9 @@ def _next(
                 if axis < 2:  # about the target, which stays in the middle; about the optical axis the camera rolls
                     about[:3, 3] = target[:3, 3]
                 poses.append(camera @ about @ turn @ SE3.inverse(about) @ SE3.inverse(X))
-                what = "roll it" if axis == 2 else "swing it around the target"
-                words.append(
-                    f"from sample {k + 1}, {what} by {np.degrees(sign * _TURN):.0f} deg about the camera's {'xyz'[axis]} axis"
-                )
+                where = "its z axis" if axis == 2 else f"the target, parallel to its {'xy'[axis]} axis"
+                angle = f"{np.degrees(sign * _TURN):.0f} deg"
+                words.append(f"from the pose of sample {k + 1}, rotate the camera by {angle} about {where}")
     J = _jacobians(np.stack(poses), X, Y)
     gain = np.array([np.linalg.slogdet(_inverse(_inverse(C) + (one.T * weights) @ one)[:6, :6])[1] for one in J])
     best = int(np.argmin(gain))

@@ -410,7 +410,7 @@ def parse_document(text: str, path: Path) -> Mapping[str, Any]:
     else:
         # OpenCV writes a directive that is not valid YAML
         lines = [line for line in text.splitlines() if not line.startswith(("%YAML", "---"))]
-        document = _load_yaml("\n".join(lines), path)
+        document = load_yaml("\n".join(lines), path)
     if not isinstance(document, Mapping):
         raise InputError(f"{path}: expected keys and values, got other text. Give a calibration file of OpenCV or ROS.")
     return document
@@ -426,8 +426,12 @@ def _yaml() -> ModuleType:
     return yaml
 
 
-def _load_yaml(text: str, path: Path) -> Any:
+def load_yaml(text: str, path: Path) -> Any:
     """Return the document of a YAML text.
+
+    Args:
+        text: content of the file.
+        path: file, for messages.
 
     Raises:
         InputError: the text is not YAML, has many references, a key twice, or a value that contradicts its form or
