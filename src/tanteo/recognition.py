@@ -34,10 +34,7 @@ from tanteo.sensors import (
     thinned,
     unstated_sd,
 )
-<<<<<<< HEAD
 from tanteo.sensors.anomalies import without_repeats
-=======
->>>>>>> 4e321e74 (Hand-eye calibration from the command line: samples of programs in, result and covariance out)
 from tanteo.sensors.error_states import ErrorState
 from tanteo.sensors.presets import RobotPreset, SensorPreset
 from tanteo.words import Finding
