@@ -24,7 +24,7 @@ def random_pose(rng, length=0.1, turn=0.5):
 
 
 def scene(rng, n, noise=NOISE, turns=None):
-    """Samples of a camera on a hand about 0.5 m above a target; rotation vectors ``turns`` ``(n, 3)``."""
+    """Return samples of a camera on a hand 0.5 m above a target; ``turns`` are rotation vectors ``(n, 3)``."""
     X, Y = random_pose(rng), random_pose(rng, 0.3, 1.0)
     turns = rng.normal(size=(n, 3)) * 0.35 if turns is None else turns
     views = SE3.from_parts(SO3.exp(turns), np.zeros((n, 3)))

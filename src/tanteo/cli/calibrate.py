@@ -32,7 +32,7 @@ def hand_eye(samples: _Samples, fixed_camera: _Fixed = False, write: _Write = No
     The pose of the camera has a covariance; samples that contradict the others, motions that leave a direction free and
     the next pose are named. The noise need not be known.
     """
-    from tanteo.io.poses.hand_eye_file import hand_eye_yaml, read_hand_eye_samples
+    from tanteo.io.poses import hand_eye_yaml, read_hand_eye_samples
     from tanteo.vision.hand_eye import calibrate_hand_eye
 
     files.check_target("--write", write)

@@ -28,10 +28,10 @@ from tanteo.geometry import SE3, SO3, check_transforms, maximize
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms
 from tanteo.values import Value
 
-LEAST = 3
+_LEAST = 3
 """Least number of samples: two relative motions with different axes determine the calibration (Chen 1991)."""
 
-USELESS = 0.02, float(np.radians(2.0))
+_USELESS = 0.02, float(np.radians(2.0))
 """Standard deviations above which a direction of the camera's pose is not observed [m, rad]: a ruler is better."""
 
 _STARTS = 100
@@ -69,7 +69,7 @@ class HandEye(Value):
         used: mask of the samples that were not excluded ``(n,)``.
         unobserved: directions that the motions leave free, with what to do, as text.
         T_next: pose ``T_base_hand`` ``(4, 4)`` [m] that is expected to reduce the uncertainty most.
-        next_motion: the same in words.
+        next_motion: the same as text.
     """
 
     status: Literal["calibrated", "insufficient"]
@@ -87,7 +87,7 @@ class HandEye(Value):
 
     @property
     def message(self) -> str:
-        """Result in words, with what to do."""
+        """Result as text, with what to do."""
         sds = np.sqrt(np.diag(self.covariance))
         frame = "hand" if self.mounted == "hand" else "base"
         gone = [str(k + 1) for k in np.flatnonzero(~self.used)]
@@ -142,8 +142,8 @@ def calibrate_hand_eye(
         raise InputError(
             f"samples: expected one pose of the target for each pose of the hand, got shapes {A.shape} and {B.shape}."
         )
-    if len(A) < LEAST:
-        raise InputError(f"samples: expected {LEAST} or more, got {len(A)}. Rotate the hand about two axes.")
+    if len(A) < _LEAST:
+        raise InputError(f"samples: expected {_LEAST} or more, got {len(A)}. Rotate the hand about two axes.")
     if mounted not in ("hand", "world"):
         raise InputError(f"mounted: expected hand or world, got '{mounted}'. State where the camera is.")
     A = A if mounted == "hand" else SE3.inverse(A)
@@ -152,7 +152,7 @@ def calibrate_hand_eye(
     for _ in range(len(A)):
         X, Y, sds, C = _fitted(A[used], B[used], X, Y, sds)
         kept = _consistent(A, B, X, Y, sds, C, used)
-        if np.array_equal(kept, used) or kept.sum() < LEAST:
+        if np.array_equal(kept, used) or kept.sum() < _LEAST:
             break
         used = kept
     unobserved = _unobserved(C)
@@ -249,7 +249,7 @@ def _inverse(H: FloatArray) -> Covariances:
 def _start(A: Transforms, B: Transforms, rng: np.random.Generator) -> tuple[Transforms, Transforms, BoolArray]:
     """Return the best start over random triples of samples and all of them, and the samples that agree with it."""
     n = len(A)
-    sets = [np.arange(n)] + [rng.choice(n, LEAST, replace=False) for _ in range(_STARTS if n > LEAST else 0)]
+    sets = [np.arange(n)] + [rng.choice(n, _LEAST, replace=False) for _ in range(_STARTS if n > _LEAST else 0)]
     best, least = None, np.inf
     for chosen in sets:
         X, Y = _closed_form(A[chosen], B[chosen])
@@ -260,7 +260,7 @@ def _start(A: Transforms, B: Transforms, rng: np.random.Generator) -> tuple[Tran
     assert best is not None
     sds = _robust_sds(A, B, *best)
     far = np.abs(_deviations(A, B, *best) / _per_row(sds)).max(axis=1)
-    near = far <= max(8.0, float(np.sort(far)[LEAST - 1]))
+    near = far <= max(8.0, float(np.sort(far)[_LEAST - 1]))
     return *best, near
 
 
@@ -322,11 +322,11 @@ def _consistent(
 
 
 def _unobserved(C: Covariances) -> tuple[str, ...]:
-    """Return the directions of the camera's pose that the motions leave free, in words."""
+    """Return the directions of the camera's pose that the motions leave free, as text."""
     found = []
     for block, worst, unit, what in (
-        (C[:3, :3], USELESS[0], 1e3, "position along"),
-        (C[3:6, 3:6], USELESS[1], float(np.degrees(1.0)), "rotation about"),
+        (C[:3, :3], _USELESS[0], 1e3, "position along"),
+        (C[3:6, 3:6], _USELESS[1], float(np.degrees(1.0)), "rotation about"),
     ):
         values, vectors = np.linalg.eigh(block)
         for value, vector in zip(values, vectors.T, strict=True):
