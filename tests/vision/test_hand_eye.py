@@ -46,7 +46,7 @@ def test_exact_samples_give_the_exact_poses(rng):
     assert found.used.all()
 
 
-def test_a_fixed_camera_is_the_same_problem_with_the_hand_inverted(rng):
+def test_a_fixed_camera_is_the_same_with_inverted_poses(rng):
     A, B, _, _ = scene(rng, 12)
     hand = calibrate_hand_eye(A, B)
     fixed = calibrate_hand_eye(SE3.inverse(A), B, mounted="world")
