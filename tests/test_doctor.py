@@ -20,7 +20,7 @@ from tanteo.cli import main
 from tanteo.errors import PartError
 
 PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-FOR_DEVELOPERS = {"test", "bench", "docs"}
+FOR_DEVELOPERS = {"benchmarks", "test", "bench", "docs"}
 
 
 def run(capsys, *args):
