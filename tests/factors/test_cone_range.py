@@ -69,8 +69,8 @@ def test_the_density_peaks_at_the_range_of_many_rays(block, response):
         for r in tried:
             problem, core = problem_of(block, response, [sensor], [r])
             logs.append(_core.log_densities(block.shape, core, np.eye(4)[None], np.zeros((1, problem.states)))[0])
-        # 31 rays have the mean of many to a fraction of their spread
-        slack = 1e-3 if response == "nearest" else max(1e-3, 0.3 * d.std())
+        # the factor states the error of the mean of 31 rays with unknown weights: 0.31 of their spread (one sd)
+        slack = 1e-3 if response == "nearest" else max(1e-3, 2.5 * 0.31 * d.std())
         assert abs(tried[np.argmax(logs)] - expected) < slack
 
 

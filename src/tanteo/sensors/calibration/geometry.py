@@ -276,7 +276,7 @@ _FIELD_SD = 0.03
 diagonals for parts of one type)."""
 
 _ZONE_SHARE = 0.3
-"""Standard deviation of the offset of a zone over that of its device (assumed; ``benchmarks/zones.py``)."""
+"""Standard deviation of the offset of a zone over that of its device (assumed: no data sheet states it)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
