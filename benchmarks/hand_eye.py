@@ -16,7 +16,7 @@ import numpy as np
 from kinhec import benchmark, io
 
 from tanteo.geometry import SE3
-from tanteo.vision.hand_eye import calibrate_hand_eye
+from tanteo.sensors.calibration import calibrate_hand_eye
 
 MM = 1e3
 

@@ -13,7 +13,7 @@ from tanteo.cli.printing import complain, emit, leave, put_json
 from tanteo.replaced import replaced
 
 if TYPE_CHECKING:
-    from tanteo.vision.hand_eye import HandEye
+    from tanteo.sensors.calibration import HandEye
 
 _Samples = Annotated[
     str, typer.Argument(metavar="SAMPLES", help="Table, YAML or JSON of poses of the hand and of the target.")
@@ -33,7 +33,7 @@ def hand_eye(samples: _Samples, fixed_camera: _Fixed = False, write: _Write = No
     the next pose are named. The noise need not be known.
     """
     from tanteo.io.poses import hand_eye_yaml, read_hand_eye_samples
-    from tanteo.vision.hand_eye import calibrate_hand_eye
+    from tanteo.sensors.calibration import calibrate_hand_eye
 
     files.check_target("--write", write)
     files.check_different(("--write", write), inputs=[("the samples", samples)])

@@ -7,7 +7,6 @@ from . import edges as edges
 from . import ellipse_fit as ellipse_fit
 from . import features as features
 from . import fit as fit
-from . import hand_eye as hand_eye
 from . import image_edges as image_edges
 from . import models as models
 from . import outlines as outlines

@@ -1,3 +1,5 @@
+from .hand_eye import HandEye as HandEye
+from .hand_eye import calibrate_hand_eye as calibrate_hand_eye
 from .result import BeamFit as BeamFit
 from .result import Calibration as Calibration
 from .result import DeviceFit as DeviceFit

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
-from tanteo.vision.hand_eye import calibrate_hand_eye
+from tanteo.sensors.calibration import calibrate_hand_eye
 
 NOISE = np.array([3e-4, 3e-4, 1e-3, 1e-3, 1e-3, 1e-3])
 """Standard deviations of an observation: position in the camera's frame [m], rotation [rad]."""
