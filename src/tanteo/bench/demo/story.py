@@ -73,13 +73,17 @@ def run_demo(emit: Callable[[str], None], seed: int = 0) -> Observation:
     return Observation(session, stage.truth, off, (str(planned), str(random)) if stage.seen else None, stage.seen)
 
 
+_SHOWN = 0.005
+"""Smallest probability that is not printed as 0 %."""
+
+
 def _emit_image(seen: Seen | None, emit: Callable[[str], None]) -> None:
     """Emit the hypotheses of the image."""
     if seen is None:
         emit("No camera (the extra 'vision' is not installed): a feeder puts parts here, to 5 mm and 6 degrees.")
         return
     file = Path(os.path.relpath(seen.image)) if seen.image.is_relative_to(Path.cwd()) else seen.image
-    words = ", ".join(f"{h.part} ({100 * h.probability:.0f} %)" for h in seen.likely)
+    words = ", ".join(f"{h.part} ({100 * h.probability:.0f} %)" for h in seen.likely if h.probability >= _SHOWN)
     emit(f"A camera above it took {file.as_posix()}.")
     emit(f"It may be: {words}; largest corner sd {1e3 * seen.likely[0].corner_sd:.1f} mm.")
 
