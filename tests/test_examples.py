@@ -28,8 +28,8 @@ PRINTS = {
     "02_where_is_it": ["T_world_part", "ROS pose", "GTSAM sd", "excluded readings: 20"],
     "03_two_features": ["plane_angle", "upright 12 mm thick", "possible", "rejected"],
     "04_shared_errors": [
-        "times as much as stated",
-        "If a shared error causes it",
+        "2 mm (1 sd) is assumed, because the readings contradict 0.3 mm",
+        "Its estimate in the hand is",
         "0.3 mm: recognized",
     ],
     "05_uncertain_frames": ["a to b, from the base", "chi2"],

@@ -130,7 +130,12 @@ GIVEN = {
 }
 """What the code of a page takes as given."""
 
-ELSEWHERE = {"README": "tests/test_readme.py", "CONTRIBUTING": "tests/test_extending.py", "view": "tests/render/live"}
+ELSEWHERE = {
+    "README": "tests/test_readme.py",
+    "CONTRIBUTING": "tests/test_extending.py",
+    "view": "tests/render/live",
+    "ros": "tests/ros",
+}
 """Pages whose code runs there."""
 
 

@@ -32,6 +32,7 @@ NOT_FOR_PROGRAMS = {
     "replaced",
     "special",
     "typing",
+    "values",
     "whole",
 }
 

@@ -10,5 +10,8 @@ TIP_SD = 3e-4
 """Standard deviation of a tip's offset along each axis of the hand, if the hand's poses are given and the user states
 none [m]: a tool centre point taught by four poses on a typical robot is off by some tenths of a millimetre."""
 
+WIDE_TIP_SD = 2e-3
+"""The same if the readings contradict it [m]: a bent stylus, or one exchanged without teaching it again."""
+
 TOP = 5
 """Number of hypotheses that an answer reports, unless the user states another (``--top``)."""

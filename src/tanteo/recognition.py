@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from tanteo.defaults import SIGNIFICANCE, TIP_SD, TOP
+from tanteo.defaults import SIGNIFICANCE, TIP_SD, TOP, WIDE_TIP_SD
 from tanteo.errors import InputError
 from tanteo.factors import PoseFactor, as_contact_points, as_free_rays
 from tanteo.factors.factor import KINDS, numbered_landmarks
@@ -53,6 +53,9 @@ from tanteo.words.findings import (  # fmt: skip
 if TYPE_CHECKING:
     from tanteo.vision import View
 
+_TIP_LIMIT = 11.34
+"""99 % quantile of chi-square with three degrees of freedom, above which the assumed error of the tip is too small."""
+
 MOST_VIEWED = 64
 """Number of parts up to which images are compared with each of them, as :func:`tanteo.vision.see_table` does."""
 
@@ -93,7 +96,8 @@ def identify(
         tolerance: sd of the made part's surface against its CAD [m].
         robot: preset of robot errors; its absolute error is shared by all readings.
         tip_sd: sds of the tip's offset in the hand's frame [m], one draw for the run. If none are stated and the
-            readings have poses of the hand, they are 0.3 mm, and a finding has the estimate; zeros for an exact tip.
+            readings have poses of the hand, they are 0.3 mm, or 2 mm if the readings contradict that, and a finding
+            has the estimate; zeros for an exact tip.
         bias_sd: sd of an error along the approach that all readings share [m]: of the ball's radius, the trigger point.
         shared_errors: further errors that readings share: scale, drift, form, stock; see
             :mod:`tanteo.sensors.error_states`.
@@ -131,37 +135,45 @@ def identify(
     tip_sd, assumed = _with_tip(readings, None if as_published and tip_sd is None else tip_sd, as_published)
     unstated = unstated_sd(readings, sensor=sensor, sd=sd, rig=rig)
     stated_sd, sd = sd, sd if unstated is None else unstated
-    measured = measure(
-        readings,
-        sensor=sensor,
-        robot=robot,
-        sd=sd,
-        tip_sd=tip_sd,
-        bias_sd=bias_sd,
-        rig=rig,
-        shared_errors=shared_errors,
-    )
     priors = _with_noise_factor(priors, readings, sensor, stated_sd, unstated)
     placed = priors is not None and priors.pose is not None
-    if as_published:
-        from tanteo.paper import identify_labelled_as_published
+    sized_tip = tip_sd
+    for wider in (False, True):
+        tip_sd = np.full(3, WIDE_TIP_SD) if wider else sized_tip
+        measured = measure(
+            readings,
+            sensor=sensor,
+            robot=robot,
+            sd=sd,
+            tip_sd=tip_sd,
+            bias_sd=bias_sd,
+            rig=rig,
+            shared_errors=shared_errors,
+        )
+        if as_published:
+            from tanteo.paper import identify_labelled_as_published
 
-        return identify_labelled_as_published(
-            measured, parts, tolerance=tolerance, significance=significance, top=top, seed=seed, placed=placed,
-            seconds=time.perf_counter() - start,
+            return identify_labelled_as_published(
+                measured, parts, tolerance=tolerance, significance=significance, top=top, seed=seed, placed=placed,
+                seconds=time.perf_counter() - start,
+            )  # fmt: skip
+        points = as_contact_points(measured, tolerance, readings.ranges.take(measured.rows))
+        rays = as_free_rays(measured, tolerance)
+        elapsed = time.perf_counter() - start
+        all_factors = (*factors, *_factors(views, measured.points, parts, priors))
+        answer = identify_points(
+            points, rays, parts, shared=measured.shared, significance=significance, top=top, priors=priors,
+            factors=all_factors, seed=seed, settings=settings,
         )  # fmt: skip
-    points = as_contact_points(measured, tolerance, readings.ranges.take(measured.rows))
-    rays = as_free_rays(measured, tolerance)
-    elapsed = time.perf_counter() - start
-    all_factors = (*factors, *_factors(views, measured.points, parts, priors))
-    answer = identify_points(
-        points, rays, parts, shared=measured.shared, significance=significance, top=top, priors=priors,
-        factors=all_factors, seed=seed, settings=settings,
-    )  # fmt: skip
+        if not assumed:
+            break
+        tip = _tip_estimate(answer, measured, WIDE_TIP_SD if wider else TIP_SD)
+        if answer.status != "unknown" and not _is_contradicted(tip):
+            break
     if unstated is not None and answer.best is not None:
         answer = _with_estimated_noise(answer, unstated)
     if assumed:
-        answer = answer.adding(_tip_estimate(answer, measured))
+        answer = answer.adding(tip)
     if answer.status == "unknown" and placed and not any(isinstance(f, PriorContradicted) for f in answer.findings):
         answer = answer.adding(CheckPrior())
     answer = _without_features(answer, readings, parts)
@@ -268,19 +280,30 @@ def _with_tip(
     return np.full(3, TIP_SD), True
 
 
-def _tip_estimate(answer: Answer, measured: PointMeasurements) -> AssumedTip:
+def _tip_estimate(answer: Answer, measured: PointMeasurements, sd: float) -> AssumedTip:
     """Return the finding about an assumed tip, with its estimate in the best hypothesis."""
     best = answer.best
     sizes = [len(error.covariance) for error in measured.shared]
     names = [error.name for error in measured.shared]
     if best is None or best.shared is None or answer.status == "unknown" or "tip offset" not in names:
-        return AssumedTip(TIP_SD)
+        return AssumedTip(sd)
     k = names.index("tip offset")
     rows = slice(sum(sizes[:k]), sum(sizes[: k + 1]))
     shared = best.shared
     whole = shared.covariance + shared.follows @ best.covariance @ shared.follows.T
     sds = np.sqrt(np.diag(whole)[rows].clip(0.0))
-    return AssumedTip(TIP_SD, tuple(TIP_SD * shared.mean[rows]), tuple(TIP_SD * np.minimum(sds, 1.0)))
+    return AssumedTip(sd, tuple(sd * shared.mean[rows]), tuple(sd * np.minimum(sds, 1.0)))
+
+
+def _is_contradicted(tip: AssumedTip) -> bool:
+    """Return whether the estimate of the tip contradicts the assumed standard deviation.
+
+    If the assumption is right, the estimates have the variance ``sd^2 - sds^2``.
+    """
+    if not tip.estimate:
+        return False
+    expected = np.maximum(tip.sd**2 - np.square(tip.sds), 1e-4 * tip.sd**2)
+    return float(np.sum(np.square(tip.estimate) / expected)) > _TIP_LIMIT
 
 
 def _factors(

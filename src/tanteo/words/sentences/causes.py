@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from tanteo.defaults import TIP_SD
 from tanteo.words import findings as f
 from tanteo.words.figures import from_surface, listed, millimetres, percent, readings
 from tanteo.words.sentences.base import Words, words_of
@@ -132,7 +133,8 @@ def _(one: f.Scatter) -> Words:
 
 @words_of.register
 def _(one: f.AssumedTip) -> Words:
-    text = f"The error of the tip's offset is not stated: {millimetres(one.sd)} (1 sd) is assumed (--tip-sd)."
+    why = f", because the readings contradict {millimetres(TIP_SD)}" if one.sd > TIP_SD else ""
+    text = f"The error of the tip's offset is not stated: {millimetres(one.sd)} (1 sd) is assumed{why} (--tip-sd)."
     if not one.estimate:
         return text, ""
     offset = ", ".join(f"{1e3 * v:.2f}" for v in one.estimate)
