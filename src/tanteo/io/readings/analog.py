@@ -23,7 +23,7 @@ _BEYOND = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Scale:
+class OutputRange:
     """Range of an analog output: two points of a line.
 
     Attributes:
@@ -50,7 +50,7 @@ class Scale:
         return 1e3 * (self.near + share * (self.far - self.near)) if -_BEYOND <= share <= 1 + _BEYOND else None
 
 
-def parse_scale(text: str, name: str = "analog") -> Scale:
+def parse_scale(text: str, name: str = "analog") -> OutputRange:
     """Return the scale of a text such as ``0V=160mm,10V=450mm`` or ``4mA=20mm,20mA=70mm``.
 
     Args:
@@ -68,7 +68,7 @@ def parse_scale(text: str, name: str = "analog") -> Scale:
     if len(points) != 2 or len(found) != 2 or found[0][2] != found[1][2] or found[0][0] == found[1][0]:
         raise InputError(f"{name}: expected two points such as 0V=160mm,10V=450mm, got '{text}'. Name both.")
     (low, near, volts), (high, far, _) = sorted(found)
-    return Scale(low, high, near, far, volts)
+    return OutputRange(low, high, near, far, volts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ class AnalogColumn:
 
     index: int
     factor: float
-    scale: Scale
+    scale: OutputRange
 
     def rows(self, rows: Iterator[list[str]]) -> Iterator[list[str]]:
         """Yield rows with the signal as a range [mm]; outside of the scale it is ``nan``, which is no measurement.
@@ -102,7 +102,7 @@ class AnalogColumn:
             yield [*row[: self.index], "nan" if distance is None else f"{distance:.9g}", *row[self.index + 1 :]]
 
 
-def find_analog(header: Sequence[str], place: str, scale: Scale | None) -> AnalogColumn | None:
+def find_analog(header: Sequence[str], place: str, scale: OutputRange | None) -> AnalogColumn | None:
     """Return the column of an analog signal; None if the header has none.
 
     Args:

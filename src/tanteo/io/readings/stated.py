@@ -17,7 +17,7 @@ from tanteo.io.readings.brands import brand as known_brand
 from tanteo.io.readings.units import length_unit, parse_lengths
 
 if TYPE_CHECKING:
-    from tanteo.io.readings.analog import Scale
+    from tanteo.io.readings.analog import OutputRange
     from tanteo.io.readings.range_codes import Special
     from tanteo.sensors import Rig
 
@@ -74,7 +74,7 @@ class Stated:
     rig: Rig | None = None
     device: str | None = None
     sensor: str | None = None
-    analog: Scale | None = None
+    analog: OutputRange | None = None
     special: tuple[Special, ...] = ()
     max_points: int | None = None
 
