@@ -130,6 +130,7 @@ def identify(
     start = time.perf_counter()
     check_length("tolerance", tolerance)
     parts = check_question(parts, significance, top, seed, priors)
+    check_readings_kind("readings", readings)
     readings, repeated = without_repeats(readings)
     given, readings = len(readings), thinned(readings)
     tip_sd, assumed = _with_tip(readings, None if as_published and tip_sd is None else tip_sd, as_published)
@@ -271,7 +272,6 @@ def _with_tip(
 
     Without a statement, touches with poses of the hand have an offset of a typical tool.
     """
-    check_readings_kind("readings", readings)
     if tip_sd is not None:
         return tip_sd, False
     touched, hands = readings.points.given, readings.Ts_world_hand.given

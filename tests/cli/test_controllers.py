@@ -227,10 +227,11 @@ def test_the_log_of_a_robot_is_a_readings_file(run, tmp_path):
     got = run(*PLAN, "--pose-prior", PRIOR, "--program", "ur")
     columns = re.search(r'textmsg\("(id.*)"\)', got.out)[1]
     facts = re.findall(r'touch\("(\d+)".*"([^"]*)"\)', got.out)
-    rows = [f"{number},0.42,-0.13,0.1,{fact}" for number, fact in facts]
+    rows = [f"{number},0.42,-0.13,0.1,0.42,-0.13,0.1,3.14,0,0,{fact}" for number, fact in facts]
     path = tmp_path / "log.csv"
     path.write_text("\n".join([columns, *rows, ""]), encoding="utf-8")
     from tanteo.io import read_readings
 
     read = read_readings(path)
     assert len(read) == len(rows)
+    assert read.Ts_world_hand.given.all()

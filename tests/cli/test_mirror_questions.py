@@ -127,7 +127,7 @@ def question(answer):
     return SimpleNamespace(
         rig=None,
         problem=lambda readings, parts: (Problem(ContactPoints.none(), FreeRays.none(), Priors()), Candidates(parts)),
-        answer=lambda readings, parts, *, bias_sd=None: answer(readings, parts),
+        answer=lambda readings, parts, *, shared_errors=(): answer(readings, parts),
     )
 
 

@@ -88,7 +88,9 @@ def test_another_answer_than_the_recorded_one_is_an_error(run, record):
     document["answer"]["status"] = "ambiguous"
     record.write_text(json.dumps(document))
     done = run("replay", record, "--json")
-    assert (done.code, done.out) == (1, "")
+    error = json.loads(done.out)
+    assert (done.code, error["schema"], error["exit_code"]) == (1, "tanteo.error/1", 1)
+    assert done.err == f"error: {error['message']}\n"
     assert "status: 'ambiguous' then, 'recognized' now" in done.err
     assert "hypotheses[0].probability" in done.err
 
@@ -111,8 +113,10 @@ def test_parts_are_read_from_their_present_place(run, parts, record, tmp_path):
 def test_what_is_no_record_is_an_error_in_one_line(run, record, content):
     record.write_text(content)
     done = run("replay", record, "--json")
-    assert (done.code, done.out) == (1, "")
-    assert done.err.startswith(f"error: {record}")
+    error = json.loads(done.out)
+    assert (done.code, error["schema"], error["exit_code"]) == (1, "tanteo.error/1", 1)
+    assert error["message"].startswith(str(record))
+    assert done.err == f"error: {error['message']}\n"
     assert len(done.err.splitlines()) == 1
 
 

@@ -82,14 +82,18 @@ def test_advice_goes_by_meaning(tmp_path, name, advice):
     assert "Did you mean" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "name", ["Collection", "Temp 1", "dX [mm]", "Bemerkung", "A", "Kommentar", "bogus", "X Soll", ""]
-)
+@pytest.mark.parametrize("name", ["Temp 1", "dX [mm]", "Bemerkung", "A", "Kommentar", "bogus", "X Soll", ""])
 def test_other_columns_are_left_out_of_clear_coordinates(tmp_path, name):
     readings = read_readings(save(tmp_path, ["X Ist (mm)", "Y Ist (mm)", "Z Ist (mm)", name], [[1, 2, 3, 4]]))
     np.testing.assert_allclose(readings.points, [[1e-3, 2e-3, 3e-3]])
     assert readings.notes == (f"Columns excluded: {name or '(no name)'}.",)
     assert not readings.directions.given.any()
+
+
+def test_a_collection_is_a_group_of_readings(tmp_path):
+    readings = read_readings(save(tmp_path, ["x_mm", "y_mm", "z_mm", "Collection"], [[1, 2, 3, 4], [5, 6, 7, 8]]))
+    assert readings.groups == ("4", "8")
+    assert not readings.notes
 
 
 def test_directions_of_many_lengths_are_deviations(tmp_path):

@@ -195,7 +195,7 @@ ORIGIN = np.zeros((1, 3))
         ({"points": ORIGIN}, {"sd": np.nan}, "sd: expected one standard deviation from 1e-09 to 1e+06 m, got nan"),
         ({"points": ORIGIN}, {"sd": 1e-3, "tip_sd": [1e-3] * 3}, "hand_x_mm"),
         ({"points": ORIGIN}, {"sd": 1e-3, "tip_sd": [1e-3, -1, 0]}, "expected three lengths of zero or more"),
-        ({"points": ORIGIN}, {"sd": 1e-3, "tip_sd": [0, 0, 0]}, "expected three lengths"),
+        ({"points": ORIGIN}, {"sd": 1e-3, "tip_sd": [0, 0]}, "expected three lengths"),
         ({"points": ORIGIN}, {"sensor": "vl53l0"}, "Did you mean 'vl53l0x'"),
         ({"points": ORIGIN}, {"sd": 1e-3, "robot": "xam"}, "Did you mean 'xarm'"),
         ({"points": ORIGIN, "ranges": [5.0]}, {"sensor": "vl53l0x"}, "expected 0.03 to 1.2 m from 'vl53l0x', got 5 m"),
@@ -220,6 +220,13 @@ def test_refusals(columns, options, message):
     with pytest.raises(InputError) as caught:
         measure(Readings.from_columns(**columns), **options)
     assert message in str(caught.value)
+
+
+def test_an_exact_tip_adds_no_state_and_needs_no_hand():
+    readings = Readings.from_columns(points=ORIGIN)
+    exact, plain = measure(readings, sd=1e-3, tip_sd=[0, 0, 0]), measure(readings, sd=1e-3)
+    assert exact.shared == ()
+    np.testing.assert_array_equal(exact.covs, plain.covs)
 
 
 def test_a_sensor_name_may_be_a_preset_without_a_rig():

@@ -105,7 +105,7 @@ def test_no_readings_are_allowed_as_a_value():
 
 
 def test_presets_are_complete_and_name_their_source():
-    assert len(sensor_presets()) == 22
+    assert len(sensor_presets()) == 23
     assert len(robot_presets()) == 5
     for preset in (*sensor_presets().values(), *robot_presets().values()):
         assert preset.check

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import numpy as np
 import typer
 
 from tanteo.cli import arguments as args
@@ -57,7 +57,7 @@ def hand_eye(samples: _Samples, fixed_camera: _Fixed = False, write: _Write = No
 
 def _lines(found: HandEye, count: int) -> list[str]:
     frame = "hand" if found.mounted == "hand" else "base of the robot"
-    T, sds = found.T_mount_camera, np.sqrt(np.diag(found.covariance))
+    T, sds = found.T_mount_camera, found.covariance.diagonal() ** 0.5
     x, y, z = 1e3 * T[:3, 3]
     roll, pitch, yaw = _angles(T)
     across, along, turn = found.sds
@@ -65,9 +65,9 @@ def _lines(found: HandEye, count: int) -> list[str]:
         f"{found.status}: camera in the {frame} at x {x:.3f} y {y:.3f} z {z:.3f} mm, "
         f"roll {roll:.3f} pitch {pitch:.3f} yaw {yaw:.3f} deg",
         "  sd        x {:.3g}  y {:.3g}  z {:.3g} mm, ".format(*1e3 * sds[:3])
-        + "rx {:.3g}  ry {:.3g}  rz {:.3g} deg, camera frame".format(*np.degrees(sds[3:])),
+        + "rx {:.3g}  ry {:.3g}  rz {:.3g} deg, camera frame".format(*map(math.degrees, sds[3:])),
         f"  samples   {int(found.used.sum())} of {count}; sd of one observation of the target: {1e3 * across:.3g} mm "
-        f"across and {1e3 * along:.3g} mm along the optical axis, {np.degrees(turn):.3g} deg",
+        f"across and {1e3 * along:.3g} mm along the optical axis, {math.degrees(turn):.3g} deg",
         "",
         found.message,
     ]
@@ -76,8 +76,8 @@ def _lines(found: HandEye, count: int) -> list[str]:
 def _angles(T: Any) -> tuple[float, float, float]:
     from tanteo.geometry.location import matrix_to_loc
 
-    roll, pitch, yaw = np.degrees(matrix_to_loc(T)[3:])
-    return float(roll), float(pitch), float(yaw)
+    roll, pitch, yaw = map(math.degrees, matrix_to_loc(T)[3:])
+    return roll, pitch, yaw
 
 
 def _pose(T: Any, frame: Literal["hand", "base"]) -> dict[str, Any]:
@@ -109,7 +109,7 @@ def _document(found: HandEye) -> dict[str, Any]:
             "covariance": {**covariance, "frame": "target", "matrix": found.covariance_target.tolist()},
         },
         "observation_sds": {"across_m": found.sds[0], "along_m": found.sds[1], "rotation_rad": found.sds[2]},
-        "excluded": [int(k) + 1 for k in np.flatnonzero(~found.used)],
+        "excluded": [k + 1 for k, used in enumerate(found.used.tolist()) if not used],
         "deviations_m_rad": found.deviations.tolist(),
         "unobserved": list(found.unobserved),
         "next": {"pose": _pose(found.T_next, "base"), "motion": found.next_motion},

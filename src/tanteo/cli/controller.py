@@ -16,13 +16,12 @@ from tanteo.cli import typed
 from tanteo.cli.misuse import MisuseError
 from tanteo.cli.printing import complain
 from tanteo.errors import InputError
-from tanteo.parts import part_named
 from tanteo.words.findings import AccuracyNeeded
 
 if TYPE_CHECKING:
     from tanteo.io.poses import WorkFrame
     from tanteo.parts import Part
-    from tanteo.posterior import Answer, Hypothesis
+    from tanteo.posterior import Answer
 else:  # the parser resolves annotations; this name avoids a slow import
     WorkFrame = Any
 
@@ -117,14 +116,11 @@ class Words:
         why = self.refused(answer)
         if why is not None:
             return {key: {"text": None, "refused": why}}
-        best = answer.hypotheses[0]
         if self.wcs is not None:
             frame = self._frame(answer, parts)
             where = {"controller": self.wcs.controller, "frame": self.wcs.slot}
             return {key: {**where, "text": frame.text, "warnings": [*_doubts(answer), *frame.warnings]}}
-        pose = io.write_pose(
-            self.pose_as or "", _upright(best, part_named(parts, best.part)), answer.frame, answer.stamp
-        )
+        pose = io.write_pose(self.pose_as or "", _upright(answer, parts), answer.frame, answer.stamp)
         facts = {"name": pose.name, "frame": answer.frame, "units": pose.units, "verified": pose.verified}
         doubts = [*_doubts(answer), *filter(None, [_frame_doubt(answer.frame, pose.name)])]
         return {key: {**facts, "values": pose.values, "text": pose.text, "warnings": doubts}}
@@ -140,7 +136,6 @@ class Words:
         if why is not None:
             complain("error", f"{self.option}: {why}")
             return ""
-        best = answer.hypotheses[0]
         for doubt in _doubts(answer):
             complain("warning", f"{self.option}: {doubt}")
         if self.wcs is not None:
@@ -148,9 +143,7 @@ class Words:
             for warning in frame.warnings:
                 complain("warning", f"--wcs: {warning}")
             return frame.text
-        pose = io.write_pose(
-            self.pose_as or "", _upright(best, part_named(parts, best.part)), answer.frame, answer.stamp
-        )
+        pose = io.write_pose(self.pose_as or "", _upright(answer, parts), answer.frame, answer.stamp)
         if not pose.verified:
             complain("warning", f"--as {pose.name}: {_UNVERIFIED} ({io.BRANDS[pose.name].source}).")
         if why := _frame_doubt(answer.frame, pose.name):
@@ -183,6 +176,7 @@ class Words:
         )
 
     def _frame(self, answer: Answer, parts: Sequence[Part]) -> io.poses.WrittenFrame:
+        from tanteo.parts import part_named
         from tanteo.planning.following import corner_error
         from tanteo.posterior import box_corners
 
@@ -194,7 +188,7 @@ class Words:
         note = f"{best.part}: {answer.status}, {sure}"
         corners = box_corners(part)
         return io.poses.write_work_frame(
-            self.wcs, _upright(best, part), corners, note, accept_lost=self.accept_turn_lost
+            self.wcs, _upright(answer, parts), corners, note, accept_lost=self.accept_turn_lost
         )
 
 
@@ -232,13 +226,15 @@ def _doubts(answer: Answer) -> list[str]:
     return doubts
 
 
-def _upright(best: Hypothesis, part: Part) -> Any:
-    """Return the pose, of the equivalent ones that with z up and the least turn, as an ``UncertainFrame``."""
+def _upright(answer: Answer, parts: Sequence[Part]) -> Any:
+    """Return the best pose, of the equivalent ones that with z up and the least turn, as an ``UncertainFrame``."""
     import numpy as np
 
     from tanteo.geometry import SE3, UncertainFrame
+    from tanteo.parts import part_named
     from tanteo.posterior.symmetry import upright
 
-    S = upright(part, best.T_world_part)
+    best = answer.hypotheses[0]
+    S = upright(part_named(parts, best.part), best.T_world_part)
     A = SE3.adjoint_inverse(S)
     return UncertainFrame(best.T_world_part @ S, np.asarray(A @ best.covariance @ A.T))

@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
-from scipy.stats import t as t_distribution
 
 from tanteo.errors import TanteoError
 from tanteo.geometry import SE3
@@ -245,6 +244,8 @@ def _shared_answer(
     shared = best.shared
     if shared is None or not len(shared.mean) or best.dof < 2:
         return None
+    from scipy.stats import t as t_distribution  # slow to import
+
     row = shared.follows[-1]
     marginal = shared.covariance[-1, -1] + row @ best.covariance @ row
     value, sd = error.sd * float(shared.mean[-1]), error.sd * float(np.sqrt(marginal))

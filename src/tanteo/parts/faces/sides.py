@@ -78,11 +78,14 @@ def outward(points: FloatArray, faces: IntArray, *, as_wound: bool) -> IntArray:
     if as_wound and not inverted.any():
         return faces
     turned = np.where(inverted[labels][:, None], faces[:, ::-1], faces)
-    # just outside each body the winding number counts the bodies that surround it
-    largest = np.lexsort((-areas, labels))[np.searchsorted(np.sort(labels), np.arange(len(inverted)))]
-    away = np.where(inverted[:, None], -1.0, 1.0) * normals[largest] * 1e-3 * np.sqrt(areas[largest])[:, None]
-    windings = np.rint(_winding(points, turned, points[faces[largest]].mean(axis=1) + away)).astype(np.int64)
-    inward = (windings % 2 == 1) & (inverted | (not as_wound))
+    # just outside each body the winding number counts the bodies that surround it; beside a body that touches it, too,
+    # so a cavity has material in front of all its sides
+    middles = points[faces].mean(axis=1)
+    starts = np.searchsorted(np.sort(labels), np.arange(len(inverted)))
+    sides = np.concatenate([np.lexsort((key, labels))[starts] for key in (-areas, *middles.T, *-middles.T)])
+    out = np.where(inverted[labels[sides]], -1e-3, 1e-3) * np.sqrt(areas[sides])
+    windings = np.rint(_winding(points, turned, middles[sides] + out[:, None] * normals[sides])).astype(np.int64)
+    inward = (np.bincount(labels[sides], windings % 2 == 0) == 0) & (inverted | (not as_wound))
     return np.where(inward[labels][:, None], turned[:, ::-1], turned)
 
 

@@ -145,7 +145,7 @@ def _beside(meshes: list[BrepMesh], given: list[Any], label: str) -> tuple[list[
     curved = np.array([kind != "plane" for kind, _ in draft.kinds])[draft.triangle_face]
     chords = edges.ends[curved[edges.left] | curved[edges.right]]
     more = BrepMesh(draft.vertices / _MM, draft.triangles, draft.triangle_face, list(draft.kinds), chords)
-    return [*meshes, more], steps
+    return [*meshes, more], [f"{len(given)} faces have triangles and no surfaces.", *steps]
 
 
 def _of_triangles(faces: list[Any], label: str) -> tuple[Draft, list[str]]:
