@@ -26,7 +26,7 @@ def test_the_right_unit_of_the_columns_is_among_the_guesses(meant, stated, size)
         assert question is None
     else:
         assert question.kind == "units"
-        assert f"columns in {meant} (x_{meant})" in question.message
+        assert f"columns in {'inches' if meant == 'in' else meant} (x_{meant})" in question.message
         assert "--units" not in question.message
 
 

@@ -58,6 +58,7 @@ def test_where_slide_found_new_pose_part_is_turned_over_there(housing):
         T = box_centred_pose(rng)
         p, _ = surface_points(housing, 8, rng)
         touches = touches_of(SE3.apply(T, p) + 1e-5 * rng.normal(size=p.shape), 1e-5)
-        found = identify_points(touches, no_paths(), [housing], top=100).hypotheses
+        answer = identify_points(touches, no_paths(), [housing], top=100)
+        found = answer.hypotheses
         near = [h.probability for h in found if nees(housing.part, h.T_world_part, h.covariance, T)[0] < 30]
-        assert sum(near) > 0.3
+        assert sum(near) > 0.3 * (1 - answer.missed_probability)  # what no source alone found may have company

@@ -71,7 +71,7 @@ def test_probabilities_sum_to_one(targets):
     for seed, n in ((4, 5), (5, 8), (6, 20)):
         touches, *_ = laser_scene(targets["bracket_left"], seed, n)
         answer = identify_points(touches, no_paths(), list(targets.values()), top=10_000)
-        total = answer.unknown_probability + sum(h.probability for h in answer.hypotheses)
+        total = answer.unknown_probability + answer.missed_probability + sum(h.probability for h in answer.hypotheses)
         assert total == pytest.approx(1.0, abs=1e-3)  # what is negligible is not reported
         ps = [h.probability for h in answer.hypotheses]
         assert all(

@@ -528,15 +528,3 @@ def _pass_on(searches: Sequence[PartSearch]) -> None:
         poses = [Ts for other, Ts in leading if other is not search]
         if poses:
             search.pass_on(np.concatenate(poses), proposer)
-
-
-def missing(searches: Sequence[PartSearch]) -> float:
-    """Return the probability of the maxima that the search missed, as a fraction of all maxima, found and missed.
-
-    With a flat prior of the rate at which a source finds a maximum, as many are missed as one source alone found. This
-    holds for any number of sources (compare Good 1953), so the mass of both is equal.
-    """
-    total = float(log_sum([s.log_evidence for s in searches])) if searches else -np.inf
-    once = float(log_sum([s.log_rare(2) for s in searches])) if searches else -np.inf
-    share = float(np.exp(once - total)) if np.isfinite(total) else 0.0
-    return share / (1 + share)

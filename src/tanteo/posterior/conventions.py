@@ -77,11 +77,14 @@ def _reversed(name: str) -> Callable[[Readings], Readings | None]:
 
 
 def _without_directions(readings: Readings) -> Readings | None:
-    """Return the readings without directions; None if none has one, or a range depends on them."""
-    given = readings.directions.given
+    """Return the contacts without directions; None if none has one, or a range depends on them.
+
+    A free-space ray keeps its direction: without it, it states nothing.
+    """
+    given = readings.directions.given & ~readings.is_free
     if not given.any() or not readings.points.given[given].all():
         return None
-    return replace(readings, directions=Column.empty(len(readings), (3,)))
+    return replace(readings, directions=readings.directions.only(readings.is_free))
 
 
 def _mirrored(readings: Readings) -> Readings | None:

@@ -62,9 +62,9 @@ class PartSearch:
         """Return the log-evidence of all maxima and their symmetric images, without constant factors of the prior."""
         return self._constant + float(log_sum(self.peaks.evidence)) if len(self.peaks) else -np.inf
 
-    def log_rare(self, times: int | None = None) -> float:
-        """Return the log-evidence of maxima that fewer than ``times`` sources found; None for ``sure_sources``."""
-        rare = self.peaks.evidence[self.peaks.times < (self.settings.sure_sources if times is None else times)]
+    def log_rare(self) -> float:
+        """Return the log-evidence of maxima that fewer than ``sure_sources`` sources found."""
+        rare = self.peaks.evidence[self.peaks.times < self.settings.sure_sources]
         return self._constant + float(log_sum(rare)) if len(rare) else -np.inf
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
-from tanteo.posterior.candidate_pruning import Unsearched, missing, prune
+from tanteo.posterior.candidate_pruning import Unsearched, prune
 from tanteo.posterior.details import details_at
 from tanteo.posterior.near_variants import log_density_of_near_variant
 from tanteo.posterior.part_search import PartSearch, common_random_numbers, start_search
@@ -163,10 +163,22 @@ def weigh(
     modes.sort(key=lambda mode: round(most - mode.log_mass, 3))  # twins of nearly equal mass keep their order
     modes = [mode for k, mode in enumerate(modes) if not k or mode.log_mass > total - negligible]
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))  # dropped modes have no probability
-    once, unknown = missing([s for s, *_ in found]), float(np.exp(log_none - total))
+    once, unknown = _missing(modes), float(np.exp(log_none - total))
     kept = [replace(mode, probability=(1 - once) * float(np.exp(mode.log_mass - total))) for mode in modes]
     unseen = float(np.exp(log_left_out - total))
     return Posterior(problem, tuple(kept), unknown, total, once, tuple(searches), priors, anywhere, unseen)
+
+
+def _missing(modes: Sequence[Mode]) -> float:
+    """Return the probability of the modes that the search missed, as a fraction of all modes, found and missed.
+
+    With a flat prior of the rate at which a source finds a mode, as many are missed as one source alone found. This
+    holds for any number of sources (compare Good 1953), so the mass of both is equal.
+    """
+    masses = np.array([mode.log_mass for mode in modes])
+    rare = masses[[mode.sources < 2 for mode in modes]]
+    share = float(np.exp(log_sum(rare) - log_sum(masses))) if len(rare) else 0.0
+    return share / (1 + share)
 
 
 def _at_peaks(modes: Sequence[Mode], sampler: Sampler) -> Peaks:

@@ -60,6 +60,12 @@ def value(name, annotation, count):
         return ((0.1, 0.05, 0.02), (0.1, 0.05, 0.04)) if count else ()
     if name in ("answers", "place", "heights"):
         return ("wedge", "block") if name == "answers" else (1e-3 * count, 0.02)
+    if name == "expected":
+        return tuple(findings.ExpectedReading(f"part {k}", 0.5, f"face {k}", 0.1, 1e-3) for k in range(count))
+    if name in ("start", "point", "direction"):
+        return (0.0, 0.6, 0.8)
+    if name in ("estimate", "sds"):
+        return (1e-4, 2e-4, -3e-4) if count else ()
     if name in ("distances", "lengths"):
         return tuple(1e-3 * (k + 1) for k in range(count))
     if name == "worst":

@@ -40,6 +40,7 @@ class Mode:
         ess: effective sample size of the covariance.
         normal: whether the density of the region is normal with the curvature of its maximum.
         maxima: number of maxima in the region.
+        sources: number of independent sources that led to one of them.
     """
 
     objective: Objective
@@ -55,6 +56,7 @@ class Mode:
     ess: float
     normal: bool
     maxima: int = 1
+    sources: int = 0
 
     @property
     def prepared(self) -> PreparedPart:
@@ -118,7 +120,10 @@ def _by_curvature(sampler: Sampler, k: int) -> Mode:
     covariance = from_centre(objective, objective.of_pose(peaks.information[k]))
     information = to_origin(objective, peaks.information[k])
     log_mass = float(peaks.evidence[k]) + sampler.log_constant
-    return Mode(objective, T, covariance, T, peaks.zs[k], information, log_mass, 0.0, T[None], np.ones(1), 0.0, True)
+    return Mode(
+        objective, T, covariance, T, peaks.zs[k], information, log_mass, 0.0, T[None], np.ones(1), 0.0, True,
+        sources=int(peaks.times[k]),
+    )  # fmt: skip
 
 
 def _groups(together: np.ndarray) -> list[IntArray]:
@@ -160,7 +165,7 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     return Mode(
         objective, T, covariance, T_peak, peaks.zs[best], to_origin(objective, peaks.information[best]),
         float(np.log(region.mass)) + top, 0.0, Ts,
-        w / w.sum(), region.ess, region.is_normal, len(rows),
+        w / w.sum(), region.ess, region.is_normal, len(rows), int(np.bitwise_or.reduce(peaks.groups[rows])).bit_count(),
     )  # fmt: skip
 
 

@@ -26,6 +26,8 @@ def _(one: f.Repeated) -> Words:
 
 @words_of.register
 def _(one: f.RepeatedPlaces) -> Words:
+    if not one.sets:
+        return "No place was touched several times.", ""
     named = [f"{ids[0]} to {ids[-1]} ({len(ids)} touches)" for ids in one.sets[:_MOST_NAMES]]
     rest = len(one.sets) - _MOST_NAMES
     more = f" (and {rest} more)" if rest > 0 else ""
