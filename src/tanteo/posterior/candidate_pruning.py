@@ -38,7 +38,7 @@ from tanteo.posterior.proposals.plane_votes import cost_margin, on_planes, voted
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
 from tanteo.posterior.settings import POSE_DOF
 
-__all__ = ["Active", "PartSearch", "Unsearched", "missing", "prune", "screen", "start_search", "still_active"]
+__all__ = ["Active", "PartSearch", "Unsearched", "prune", "screen", "start_search", "still_active"]
 
 _NONE = float(np.finfo(np.float32).min)
 """Log-evidence of a part of which no maximum was found."""
