@@ -16,7 +16,7 @@ from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals import PROPOSERS, InitialPoses, PriorSamples, Proposer, SearchState, proposers
 from tanteo.posterior.proposals.drawn import along_ridge, far_pairs, from_prior
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
-from tanteo.posterior.sampling.peaks import Objective, Peaks, scales_for, spread_rows
+from tanteo.posterior.sampling.peaks import Objective, Peaks, prior_sds, scales_for, spread_rows
 from tanteo.posterior.settings import POSE_DOF, Effort, SearchSettings
 from tanteo.posterior.symmetry import log_orbit
 
@@ -177,7 +177,10 @@ def start_searches(
     pairs, none = far_pairs(problem.points, rows, count), Peaks.none(problem.states)
     out = []
     for part, rng in zip(parts, rngs, strict=True):
-        objective = Objective(part, problem.compiled(part), problem, scales_for(problem, part), rows)
+        core, scales, known = problem.compiled(part), scales_for(problem, part), problem.mixture(part)
+        is_wide = known is not None and prior_sds(known.covariances, part).min() > scales.refine[-1]
+        refining = problem.compiled(part, with_prior=False) if is_wide else core
+        objective = Objective(part, core, refining, problem, scales, rows)
         out.append(PartSearch(objective, pairs, rng, none, planes, log_odds=problem.log_odds(part.part)))
     return out
 

@@ -145,8 +145,8 @@ class Problem:
             self._factors.extend(self.points.compiled(outlier_log_density(self.points, self.priors)))
         return self._factors
 
-    def compiled(self, prepared: PreparedPart) -> _core.Problem:
-        """Return the problem of one part for the core."""
+    def compiled(self, prepared: PreparedPart, *, with_prior: bool = True) -> _core.Problem:
+        """Return the problem of one part for the core, with or without the prior densities of its pose."""
         t, rays = self.points, self.rays
         rates, weights = outlier_rates(self.priors.outlier_rate, len(t))
         rays = rays.join(self.furniture.paths) if len(self.furniture.paths) else rays
@@ -155,6 +155,8 @@ class Problem:
             [rays.origins, rays.directions, rays.lengths - rays.margin, rays.slopes, np.cos(rays.incidences)]
         )
         means, roots, log_weights = self._normals(prepared)
+        if not with_prior:
+            means, roots, log_weights = means[:0], roots[:0], log_weights[:0]
         more = ((0, 0), (0, 0), (0, self.shared_errors - t.shared_jacobian.shape[2]))
         turns = _c(np.pad(t.turn_jacobian, more)) if len(t.turn_jacobian) else np.zeros((0, 3, 0))
         core = _core.make_problem(

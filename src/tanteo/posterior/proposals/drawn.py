@@ -17,13 +17,13 @@ import numpy as np
 from tanteo import _core
 from tanteo.factors import ContactPoints
 from tanteo.geometry import SE3, SO3
-from tanteo.geometry.typing import Covariances, FloatArray, Indices, IntArray, Transforms, Vectors
+from tanteo.geometry.typing import FloatArray, Indices, IntArray, Transforms, Vectors
 from tanteo.parts import Part
 from tanteo.posterior.answers.pose_prior import Table
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals.proposer import BITS, InitialPoses, Proposer, SearchState
-from tanteo.posterior.sampling.peaks import Objective, Peaks, pair_tilt, scores_of
+from tanteo.posterior.sampling.peaks import Objective, Peaks, pair_tilt, prior_sds, scores_of
 from tanteo.posterior.settings import POSE_DOF
 
 
@@ -140,7 +140,7 @@ def _best_of_placed(objective: Objective, count: int, rng: np.random.Generator) 
     points, rows = problem.points, objective.rows[~problem.points.centres[objective.rows]]
     n = _PLACED * problem.settings.search.prior_draws * count
     known = problem.mixture(prepared)
-    if not len(rows) or (known is not None and _widest(known.covariances, prepared) < objective.scales.blur):
+    if not len(rows) or (known is not None and prior_sds(known.covariances, prepared).max() < objective.scales.blur):
         return np.zeros((0, 4, 4))  # no direction is free
     attitudes = _attitudes(problem, prepared, n, rng)
     if attitudes is None:
@@ -157,12 +157,6 @@ def _best_of_placed(objective: Objective, count: int, rng: np.random.Generator) 
     right = np.einsum("nij,nj->ni", information, middle) + weight * matched
     t = np.linalg.solve(information + weight * np.eye(3), right[..., None])[..., 0]
     return _best(objective, SE3.from_parts(R, t), count)
-
-
-def _widest(covariances: Covariances, prepared: PreparedPart) -> float:
-    """Return the largest standard deviation of a prior, with turns as shifts at a quarter of the diagonal [m]."""
-    scale = np.r_[np.ones(3), np.full(3, 0.25 * prepared.part.diagonal)]
-    return float(np.sqrt(np.linalg.eigvalsh(covariances * np.outer(scale, scale)).max()))
 
 
 def _attitudes(

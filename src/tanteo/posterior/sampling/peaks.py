@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.factors import ContactPoints
-from tanteo.geometry.typing import FloatArray, Indices, IntArray, Transforms, Vectors
+from tanteo.geometry.typing import Covariances, FloatArray, Indices, IntArray, Transforms, Vectors
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.symmetry import folded, gauge_information, is_gauge_fixed
@@ -78,6 +78,17 @@ def spread_out(p: Vectors, count: int) -> IntArray:
     return np.array(chosen)
 
 
+def prior_sds(covariances: Covariances, prepared: PreparedPart) -> FloatArray:
+    """Return the principal standard deviations of priors, with turns as shifts at a quarter of the diagonal [m].
+
+    Args:
+        covariances: covariances of the pose ``(K, 6, 6)`` [m, rad].
+        prepared: the part.
+    """
+    scale = np.r_[np.ones(3), np.full(3, 0.25 * prepared.part.diagonal)]
+    return np.asarray(np.sqrt(np.linalg.eigvalsh(covariances * np.outer(scale, scale))))
+
+
 def scores_of(
     problem: Problem, core: _core.Problem, prepared: PreparedPart, rows: Indices, Ts: Transforms, scales: Scales
 ) -> FloatArray:
@@ -145,6 +156,8 @@ class Objective:
     Attributes:
         prepared: the part.
         core: problem of the part, compiled for the core.
+        refining: the same for the refinement of initial poses; a prior pose that fixes no direction at the scale of the
+            refinement is left out, as it draws poses from the surface to its mean.
         problem: the problem.
         scales: length scales of the search.
         rows: rows of the points by which poses are refined.
@@ -152,6 +165,7 @@ class Objective:
 
     prepared: PreparedPart
     core: _core.Problem
+    refining: _core.Problem
     problem: Problem
     scales: Scales
     rows: Indices
@@ -177,7 +191,7 @@ class Objective:
         if not len(Ts):
             return Ts, groups
         shape, scales, end = self.prepared.shape, self.scales.refine, float(self.scales.refine[-1])
-        Ts, costs, rows, *_ = _core.refine_poses(shape, self.core, self.rows, scales, np.ascontiguousarray(Ts))
+        Ts, costs, rows, *_ = _core.refine_poses(shape, self.refining, self.rows, scales, np.ascontiguousarray(Ts))
         order, groups = np.argsort(costs, kind="stable"), groups[rows]
         near = np.r_[np.full(3, end**-2.0), np.full(3, (end / (0.25 * shape.diagonal)) ** -2.0)]
         Ts = np.ascontiguousarray(Ts[order])
