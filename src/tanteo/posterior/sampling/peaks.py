@@ -157,7 +157,7 @@ class Objective:
         prepared: the part.
         core: problem of the part, compiled for the core.
         refining: the same for the refinement of initial poses; a prior pose that fixes no direction at the scale of the
-            refinement is left out, as it draws poses from the surface to its mean.
+            refinement is excluded, as it draws poses from the surface to its mean.
         problem: the problem.
         scales: length scales of the search.
         rows: rows of the points by which poses are refined.
