@@ -49,7 +49,7 @@ def log_of(rng, rig, places=12):
     return Readings.from_columns(ranges=ranges, sensors=sensors, Ts_world_hand=np.array(hands))
 
 
-@pytest.mark.parametrize("n", [1, 3, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n", [1, *(pytest.param(n, marks=pytest.mark.slow) for n in (3, 5))])
 def test_the_plane_s_height_keeps_the_device_s_offset(rig_file, n):
     rig, errors = read_rig(rig_file(n)), []
     for seed in range(8):
