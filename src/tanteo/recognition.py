@@ -138,9 +138,9 @@ def identify(
     stated_sd, sd = sd, sd if unstated is None else unstated
     priors = _with_noise_factor(priors, readings, sensor, stated_sd, unstated)
     placed = priors is not None and priors.pose is not None
-    sized_tip = tip_sd
+    first_tip = tip_sd
     for wider in (False, True):
-        tip_sd = np.full(3, WIDE_TIP_SD) if wider else sized_tip
+        tip_sd = np.full(3, WIDE_TIP_SD) if wider else first_tip
         measured = measure(
             readings,
             sensor=sensor,

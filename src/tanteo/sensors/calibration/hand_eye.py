@@ -242,7 +242,6 @@ def _inverse(H: FloatArray) -> Covariances:
     values, vectors = np.linalg.eigh(H * d[:, None] * d)
     values = np.maximum(values, 1e-13)
     scaled = vectors * d[:, None]
-    scaled = d[:, None] * vectors
     return np.asarray((scaled / values) @ scaled.T)
 
 
