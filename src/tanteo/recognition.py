@@ -172,7 +172,7 @@ def identify(
         if answer.status != "unknown" and not _is_contradicted(tip):
             break
     if unstated is not None and answer.best is not None:
-        answer = _with_estimated_noise(answer, unstated)
+        answer = _with_estimated_noise(answer, unstated, measured.rounding)
     if assumed:
         answer = answer.adding(tip)
     if answer.status == "unknown" and placed and not any(isinstance(f, PriorContradicted) for f in answer.findings):
@@ -339,12 +339,12 @@ def _of_whole(answer: Answer, priors: Priors, parts: Sequence[Part], settings: S
     return priors.whole.mismatch(part.name, part.volume, part.box[1] - part.box[0], settings.search.gate)
 
 
-def _with_estimated_noise(answer: Answer, sd: float) -> Answer:
+def _with_estimated_noise(answer: Answer, sd: float, rounding: float) -> Answer:
     """Return the answer with the estimate of a standard deviation that was not given, instead of its scatter."""
     best = answer.hypotheses[0]
     if answer.status == "unknown" or best.dof <= 0:
         return answer.adding(NoNoiseStated())
-    estimate = EstimatedNoise(*(sd * factor for factor in best.noise_scale))
+    estimate = EstimatedNoise(*(float(np.hypot(sd * factor, rounding)) for factor in best.noise_scale))
     findings = (*(one for one in answer.findings if not isinstance(one, Scatter)), estimate)
     return replace(answer, findings=findings)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tanteo import Readings, identify
+from tanteo.factors import as_contact_points
 from tanteo.io import read_readings
 from tanteo.parts import read_part
 from tanteo.sensors import concatenate, measure
@@ -99,3 +100,24 @@ def test_touches_across_the_approach_are_no_repeats():
     points = np.arange(5)[:, None] * np.array([1e-5, 0, 0])
     readings = Readings.from_columns(points, directions=np.tile([0.0, 0, -1], (5, 1)))
     assert without_repeats(readings)[1] is None
+
+
+def test_repeats_along_a_slanted_approach_are_one_reading():
+    aim = np.array([0.6, 0.0, -0.8])
+    points = np.concatenate([POINTS, POINTS[2] + 1e-6 * np.array([3, 0, 5, 2])[:, None] * aim])
+    kept, found = without_repeats(Readings.from_columns(points, directions=np.tile(aim, (8, 1))))
+    assert (kept.ids, found.sets) == (("1", "2", "3", "4"), (("3", "5", "6", "7", "8"),))
+
+
+def test_encoders_repeat_a_place_within_micrometres():
+    rng = np.random.default_rng(1)
+    jitter = rng.uniform(-2e-6, 2e-6, (10, 3)) + 1e-5 * rng.uniform(size=(10, 1)) * [0, 0, 1]
+    kept, _ = without_repeats(Readings.from_columns(np.concatenate([POINTS, POINTS[1] + jitter])))
+    assert kept.ids == ("1", "2", "3", "4")
+
+
+def test_coordinates_have_the_variance_of_their_rounding():
+    rounded = Readings.from_columns(POINTS, sds=np.full(4, 1e-6), step=1e-4)
+    points = as_contact_points(measure(rounded), 2e-5)
+    expected = 1e-12 + 4e-10 + 1e-8 / 12
+    np.testing.assert_allclose(points.covs, np.broadcast_to(expected * np.eye(3), (4, 3, 3)))

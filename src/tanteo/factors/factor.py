@@ -269,13 +269,14 @@ def factor_class(kind: str) -> type[Factor]:
 
 
 def compile_factors(
-    factors: Sequence[Factor], tolerance: float, log_outlier: FloatArray
+    factors: Sequence[Factor], fixed: float, log_outlier: FloatArray
 ) -> list[tuple[_core.FactorList, Indices]]:
     """Compile factors for the core: one block per kind, with the rows of its factors.
 
     Args:
         factors: ``n`` factors.
-        tolerance: standard deviation of the made surface that the covariances contain [m].
+        fixed: standard deviation that the covariances contain and the scale of the noise does not multiply [m]: of the
+            made surface, of rounded coordinates.
         log_outlier: log density of each as an outlier ``(n,)``.
     """
     rows_of = dict[str, list[int]]()
@@ -290,8 +291,8 @@ def compile_factors(
         }
         columns |= {
             "points": np.array([f.at for f in own]),
-            "covs": np.array([f.cov for f in own]) - tolerance**2 * np.eye(3),
-            "extra": np.full(len(own), tolerance**2),
+            "covs": np.array([f.cov for f in own]) - fixed**2 * np.eye(3),
+            "extra": np.full(len(own), fixed**2),
             "log_outlier": np.ascontiguousarray(log_outlier[rows]),
             "normals": np.array([NO_DIRECTION if f.normal is None else f.normal.direction for f in own]),
             "normal_sds": np.array([np.pi if f.normal is None else f.normal.sd for f in own]),

@@ -44,8 +44,10 @@ class ContactPoints:
             element.
         kinds: kinds of reading, for the factor classes.
         turn_jacobian: true direction of a beam = direction + jacobian z ``(n, 3, D)``; empty if no factor needs it.
+        rounding: standard deviation of rounded coordinates that the covariances contain [m]; the scale of the noise
+            does not multiply it.
         points: sensed places in the world, centres of the ball where ``radii`` is positive ``(n, 3)`` [m].
-        covs: independent covariances, with the tolerance of the part ``(n, 3, 3)`` [m^2].
+        covs: independent covariances, with tolerance and rounding ``(n, 3, 3)`` [m^2].
         sd: largest standard deviation of each ``(n,)`` [m].
         radii: radius of the tip's ball ``(n,)`` [m].
         directions: direction of approach, zero if unknown ``(n, 3)``; ``directed`` states which are known.
@@ -64,6 +66,7 @@ class ContactPoints:
     labels: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ()
     turn_jacobian: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    rounding: float = 0.0
     points: Vectors = field(init=False, repr=False)
     covs: Covariances = field(init=False, repr=False)
     sd: FloatArray = field(init=False, repr=False)
@@ -148,7 +151,9 @@ class ContactPoints:
         ids, labels, kinds = (tuple(values[i] for i in rows) for values in (self.ids, self.labels, self.kinds))
         factors = tuple(self.factors[i] for i in rows)
         turns = self.turn_jacobian[rows] if len(self.turn_jacobian) else self.turn_jacobian
-        return ContactPoints(ids, factors, self.shared_jacobian[rows], self.tolerance, places, labels, kinds, turns)
+        return ContactPoints(
+            ids, factors, self.shared_jacobian[rows], self.tolerance, places, labels, kinds, turns, self.rounding
+        )
 
     def with_places(self) -> ContactPoints:
         """Return the same measurements with ``places`` set: those along one beam share the place of the first."""
@@ -161,7 +166,7 @@ class ContactPoints:
             places[row] = places[earlier[k]]
         return ContactPoints(
             self.ids, self.factors, self.shared_jacobian, self.tolerance, places, self.labels, self.kinds,
-            self.turn_jacobian,
+            self.turn_jacobian, self.rounding,
         )  # fmt: skip
 
     def compiled(self, log_outlier: FloatArray) -> list[tuple[_core.FactorList, Indices]]:
@@ -170,7 +175,7 @@ class ContactPoints:
         Args:
             log_outlier: log density of each measurement as an outlier ``(n,)``.
         """
-        return compile_factors(self.factors, self.tolerance, log_outlier)
+        return compile_factors(self.factors, float(np.hypot(self.tolerance, self.rounding)), log_outlier)
 
 
 def _stacked(vectors: Sequence[Vectors | None], none: Vectors) -> Vectors:
@@ -251,7 +256,7 @@ def as_contact_points(
     on_surface = np.array([factor_class(kind).on_surface for kind in measured.kinds], dtype=np.bool_)
     # the approach of a device to a centre carries no information about it
     directions = np.where(on_surface[:, None], np.nan_to_num(measured.directions), 0.0)
-    covs = _widen_beams(independent, directions) + tolerance**2 * np.eye(3)
+    covs = _widen_beams(independent, directions) + (tolerance**2 + measured.rounding**2) * np.eye(3)
     lengths = np.zeros(len(measured)) if reach is None else reach.only(on_surface).filled(0.0)
     normal_sds = np.nan_to_num(measured.normal_sds, nan=np.pi)
     cones = _cones(measured, covs, directions)
@@ -269,7 +274,7 @@ def as_contact_points(
     jacobian, _, _, turns = measured.whitened()
     return ContactPoints(
         measured.ids, tuple(factors), jacobian, tolerance, labels=measured.features, kinds=measured.kinds,
-        turn_jacobian=turns if any(cones) else np.zeros((0, 3, 0)),
+        turn_jacobian=turns if any(cones) else np.zeros((0, 3, 0)), rounding=measured.rounding,
     )  # fmt: skip
 
 

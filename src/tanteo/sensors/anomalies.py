@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.geometry.typing import IntArray
+from tanteo.geometry import SO3
+from tanteo.geometry.typing import FloatArray, IntArray, Vectors
 from tanteo.sensors.measurements import PointMeasurements
 from tanteo.sensors.readings import Readings
 from tanteo.words.findings import Repeated, RepeatedPlaces, Stuck
@@ -20,8 +21,9 @@ _NAMED = 3
 _FINE, _FEW, _MANY = 1e-4, 4, 7
 """Resolution that separates fine from coarse sensors [m]; run lengths of equal ranges that chance does not explain."""
 
-_EQUAL_PLACES, _NEAR, _REPEATS = 2e-7, 1e-4, 3
-"""Tolerance of equal coordinates across the approach [m], extent along it [m] and number of repeats of one place."""
+_EQUAL_PLACES, _NEAR, _REPEATS = 5e-6, 1e-4, 3
+"""Numerical: tolerance of equal coordinates across the approach [m], with which encoders repeat a commanded place,
+extent along it [m] and number of repeats of one place."""
 
 _ROUNDING = 1e-9
 """Difference below which two ranges count as equal [m]."""
@@ -60,7 +62,8 @@ def without_repeats(readings: Readings) -> tuple[Readings, RepeatedPlaces | None
     """Return the readings with one reading for each repeated place, and the finding; None if no place is repeated.
 
     A place is repeated if three readings or more differ only along the approach (without an approach along one axis of
-    the world) and by 0.1 mm at most, as programs and probe tests repeat it. Repeats show the noise at their place, but
+    the world) by 0.1 mm or three steps of the file at most, and by 5 um or one step across it, as programs and probe
+    tests repeat it. Repeats show the noise at their place, but
     not that between places, so they count as one reading. The first is kept: a drift has moved it least.
 
     Args:
@@ -84,27 +87,57 @@ def without_repeats(readings: Readings) -> tuple[Readings, RepeatedPlaces | None
 
 def _repeats(readings: Readings) -> list[IntArray]:
     """Return the rows of each place whose readings differ only along the approach, or along one axis without one."""
-    found: dict[tuple[object, ...], list[int]] = {}
     points, aims = readings.points.filled(np.nan), readings.directions.filled(np.nan)
+    across, along = max(_EQUAL_PLACES, 1.01 * readings.step), max(_NEAR, 3.01 * readings.step)
     rows = np.flatnonzero(readings.points.given & ~readings.is_free)
+    names = [
+        str(one) for one in zip(readings.features, readings.kinds, readings.radii, strict=True)
+    ]  # readings of other features or balls are other places
+    labels = np.unique(names, return_inverse=True)[1] if names else np.zeros(0, dtype=np.int64)
+    candidates = list[IntArray]()
+    for axes in _ways(aims[rows]):
+        cosines = aims[rows] @ axes[2]
+        sides = np.where(np.isnan(cosines), 0.0, np.sign(cosines))
+        some = rows[np.isnan(cosines) | (np.abs(cosines) > 1 - _ROUNDING)]
+        if len(some) >= _REPEATS:
+            places = np.column_stack([points[some] @ axes.T / [across, across, along], labels[some]])
+            places = np.column_stack([places, sides[np.searchsorted(rows, some)]])
+            candidates += [some[members] for members in _near_each_other(places)]
     taken = np.zeros(len(readings), dtype=bool)
-    sets = []
-    for axis in range(3):
-        other = [k for k in range(3) if k != axis]
-        found.clear()
-        for k in rows[~taken[rows]]:
-            along = np.isnan(aims[k, axis]) or abs(aims[k, axis]) > 1 - _ROUNDING
-            if along:
-                place = np.round(points[k, other] / _EQUAL_PLACES).tolist()
-                aim = "" if np.isnan(aims[k, axis]) else float(np.sign(aims[k, axis]))
-                key = (*place, aim, readings.features[k], readings.kinds[k], float(readings.radii[k]))
-                found.setdefault(key, []).append(int(k))
-        for members in found.values():
-            same = np.array(members)
-            if len(same) >= _REPEATS and np.ptp(points[same, axis]) <= _NEAR:
-                sets.append(same)
-                taken[same] = True
-    return sets
+    sets = list[IntArray]()
+    for members in sorted(candidates, key=len, reverse=True):  # along another axis a part of them may be near
+        if not taken[members].any():
+            taken[members] = True
+            sets.append(members)
+    return sorted(sets, key=lambda members: int(members[0]))
+
+
+def _near_each_other(places: FloatArray) -> list[IntArray]:
+    """Return the sets of three places or more within one unit of each other, whose extent is up to two units."""
+    from scipy.sparse import coo_array  # slow to import
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import KDTree
+
+    n = len(places)
+    pairs = KDTree(places).query_pairs(1.0 - _ROUNDING, p=np.inf, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n))
+    owner = connected_components(graph, directed=False)[1]
+    counts = np.bincount(owner, minlength=1)
+    sets = [np.flatnonzero(owner == k) for k in np.flatnonzero(counts >= _REPEATS)]
+    return [members for members in sets if np.all(np.ptp(places[members], axis=0) <= [2, 2, 1, 0, 0])]
+
+
+def _ways(aims: Vectors) -> list[FloatArray]:
+    """Return frames whose z axis is a direction along which a place is repeated: the world's axes, then approaches.
+
+    Args:
+        aims: directions of the readings ``(n, 3)``; NaN without one.
+    """
+    known = aims[np.isfinite(aims).all(axis=1)]
+    axes = [np.roll(np.eye(3), -k - 1, axis=0) for k in range(3)]
+    slanted = known[np.abs(known).max(axis=1, initial=0.0) <= 1 - _ROUNDING]
+    some, counts = np.unique(np.round(slanted, 9), axis=0, return_counts=True)
+    return axes + [SO3.frame_from_axis(aim / np.linalg.norm(aim), 2).T for aim in some[counts >= _REPEATS]]
 
 
 def find_stuck(readings: Readings) -> Stuck | None:

@@ -99,6 +99,7 @@ class PointMeasurements:
         sizes: radii [m] or half angles [rad] of the round features whose centres the points are; None if not
             reported.
         material_sides: 1 for the centre of a hole, -1 of a boss, 0 where unknown or no centre.
+        rounding: standard deviation of each coordinate by the rounding of its file [m], in addition to ``covs``.
     """
 
     ids: tuple[str, ...]
@@ -118,6 +119,7 @@ class PointMeasurements:
     subtracted_radii: FloatArray
     sizes: tuple[float | None, ...]
     material_sides: tuple[int, ...]
+    rounding: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.ids)

@@ -133,6 +133,7 @@ def measure(
         subtracted_radii=(readings.radii - radii)[hit],
         sizes=tuple(float(sizes[k]) if sizes.given[k] else None for k in np.flatnonzero(hit)),
         material_sides=tuple(_SIDES[readings.material_sides[k]] for k in np.flatnonzero(hit)),
+        rounding=readings.step / math.sqrt(12),  # uniform over a step
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from tanteo.errors import ReadingsError, check_kind
 from tanteo.geometry import frozen_array
+from tanteo.geometry.limits import check_length
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms, Vectors
 from tanteo.sensors.checks import check_readings
 from tanteo.sensors.columns import Column, column_of, joined, real_numbers, unit_vectors
@@ -131,6 +132,8 @@ class Readings(Value):
         notes: sentences about assumptions and ignored content of the file.
         frame: name of the frame that is called the world here: that of points, directions, normals and hand poses.
         stamp: time of the last reading [s]; NaN if unknown.
+        step: smallest difference of two coordinates that the file can express [m], to which they are rounded; 0 if
+            unknown.
 
     Example:
         >>> readings = tanteo.Readings.from_columns(points=[[0.1, 0.0, 0.02], [0.12, 0.01, 0.02]], sds=[3e-4, 3e-4])
@@ -161,6 +164,7 @@ class Readings(Value):
     notes: tuple[str, ...] = ()
     frame: str = "world"
     stamp: float = math.nan
+    step: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.ids)
@@ -175,6 +179,7 @@ class Readings(Value):
         for name in _NAMES[1:]:
             if len(getattr(self, name)) != n:
                 raise ReadingsError(f"{name}: expected {n} entries, one a reading, got {len(getattr(self, name))}.")
+        check_length("step", self.step)
         check_readings(self)
 
     def __len__(self) -> int:
@@ -223,6 +228,7 @@ class Readings(Value):
         notes: Sequence[str] = (),
         frame: str = "world",
         stamp: float = math.nan,
+        step: float = 0.0,
     ) -> Readings:
         """Return readings from the given columns in metres and radians, world frame.
 
@@ -255,6 +261,7 @@ class Readings(Value):
             notes: sentences about assumptions and ignored content.
             frame: name of the frame in which points, directions and poses are.
             stamp: time of the last reading [s]; NaN if unknown.
+            step: step to which the coordinates are rounded [m]; 0 if unknown.
 
         Raises:
             ReadingsError: a column is invalid; the message names column, reading and value.
@@ -285,6 +292,7 @@ class Readings(Value):
             notes=tuple(notes),
             frame=frame,
             stamp=stamp,
+            step=step,
             **{name: column_of(name, column, n, _COLUMNS[name]) for name, column in columns.items()},
         )
 
@@ -299,7 +307,7 @@ class Readings(Value):
         names: dict[str, Any] = {k: tuple(getattr(self, k)[i] for i in index) for k in _NAMES}
         return Readings(
             **names, **columns, radii=self.radii[index], is_free=self.is_free[index], source=self.source,
-            notes=self.notes, frame=self.frame, stamp=self.stamp,
+            notes=self.notes, frame=self.frame, stamp=self.stamp, step=self.step,
         )  # fmt: skip
 
 
@@ -353,4 +361,7 @@ def concatenate(parts: Sequence[Readings]) -> Readings:
     if len(frames := {part.frame for part in parts}) > 1:
         raise ReadingsError(f"readings: expected one frame, got {', '.join(sorted(frames))}. Transform them to one.")
     stamp = max(part.stamp for part in parts)
-    return Readings(**names, **columns, source=parts[0].source, notes=notes, frame=parts[0].frame, stamp=stamp)
+    step = max(part.step for part in parts)
+    return Readings(
+        **names, **columns, source=parts[0].source, notes=notes, frame=parts[0].frame, stamp=stamp, step=step
+    )

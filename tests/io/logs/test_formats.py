@@ -344,3 +344,33 @@ def test_the_last_touch_of_a_search_counts(tmp_path):
     readings = read_readings(path, radius=0.0)
     np.testing.assert_allclose(1e3 * readings.points.values[:, 2], [-3.05, -3.051, -3.1, -3.1])
     assert any("1 touch of searches in several steps" in note for note in readings.notes)
+
+
+@pytest.mark.parametrize("form", ["[PRB:{}:1]", '{{"prb":{{"e":1,"x":{},"y":{},"z":{}}}}}', "{} {} {} 0 0 0 0 0 0"])
+def test_many_touches_in_a_row_are_repeats_of_a_place(tmp_path, form):
+    places = [(1.0, 2.0, -3.0 - 1e-3 * k) for k in range(5)] + [(9.0, 2.0, -3.5), (9.0, 2.0, -3.4), (9.0, 8.0, -3.4)]
+    words = [[f"{x:.3f}" for x in place] for place in places]
+    lines = [form.format(",".join(w)) if form.count("{}") == 1 else form.format(*w) for w in words]
+    readings = read_readings(save(tmp_path, "\n".join(lines) + "\n"), units="mm", radius=0.0)
+    assert readings.ids == ("1", "2", "3", "4", "5", "7", "8")
+    assert any("the last and slowest counts" in note for note in readings.notes)
+
+
+@pytest.mark.parametrize(
+    ("cells", "step"),
+    [
+        ("10.25,4.50,31.52", 1e-5),
+        ("10,4.5,31.521", 1e-6),
+        ("10,4,31", 0.0),
+        ("10.123456789,4.5,31", 0.0),
+    ],
+)
+def test_the_step_is_that_of_the_last_digit(tmp_path, cells, step):
+    readings = read_readings(save(tmp_path, f"x_mm,y_mm,z_mm\n{cells}\n{cells}\n0,0,0\n"))
+    assert readings.step == pytest.approx(step, rel=1e-9)
+    assert readings.take([0, 2]).step == readings.step
+
+
+def test_the_step_of_inches_is_in_metres(tmp_path):
+    readings = read_readings(save(tmp_path, "$13=1\n[PRB:1.0001,2.0,-3.5:1]\n[PRB:4.0,2.5,-3.5:1]\n"), radius=0.0)
+    assert readings.step == pytest.approx(2.54e-6)

@@ -58,4 +58,4 @@ def read(contents: Contents) -> Log:
             )  # fmt: skip
         if abs(values[0]) > _STILL:
             notes.append(f"Axis {axis} was at {values[0]:g} in all rows; the points are those of this position.")
-    return Log(points=rows.values[:, :3], centres=True, notes=tuple(notes))
+    return Log(points=rows.values[:, :3], centres=True, moves=True, notes=tuple(notes))

@@ -11,7 +11,7 @@ import re
 import numpy as np
 
 from tanteo.io.logs.contents import Contents
-from tanteo.io.logs.log import Log, counted, last_of_each_search
+from tanteo.io.logs.log import Log, counted
 
 _REPORT = re.compile(r"\[PRB:([^\]:\n]{0,200}):([01])\]")
 _INCHES = re.compile(r"^[ \t>]*\$(?:13|Report/Inches)=(\w+)", re.MULTILINE)
@@ -61,15 +61,9 @@ def read(contents: Contents) -> Log:
         notes.append(
             "Coordinates are taken as millimetres, which GRBL reports unless $13=1. For inches use --units in."
         )
-    kept = last_of_each_search(points, 1 / 25.4 if inches else 1.0)
-    if not kept.all():
-        notes.append(
-            f"{counted(int((~kept).sum()), 'touch', 'touches')} of searches in several steps excluded: of touches at "
-            "one place, the last and slowest counts."
-        )
-    points = points[kept]
     if len(np.unique(points, axis=0)) == 1 and len(points) > 1:
         contents.fail(
             "probes in different places", f"the same place {len(points)} times", "Is it one report, repeated?"
         )
-    return Log(points=points, unit="in" if inches else "mm", assumed=not stated, centres=True, notes=tuple(notes))
+    unit = "in" if inches else "mm"
+    return Log(points=points, unit=unit, assumed=not stated, centres=True, moves=True, notes=tuple(notes))

@@ -42,6 +42,7 @@ class Log:
         free: mask of beams that hit nothing ``(n,)``.
         alternatives: other interpretations of the same file, of which the rig selects one.
         notes: sentences about assumptions and ignored content.
+        moves: whether each row is a probe move of a controller, which searches a place in several steps.
     """
 
     points: FloatArray | None = None
@@ -65,6 +66,7 @@ class Log:
     free: BoolArray | None = None
     alternatives: tuple[Log, ...] = ()
     notes: tuple[str, ...] = ()
+    moves: bool = False
 
     def __len__(self) -> int:
         first = next((c for c in (self.points, self.poses, self.ranges) if c is not None), ())
@@ -104,24 +106,27 @@ def unique(names: list[str]) -> tuple[str, ...]:
     return tuple(out) if len(set(out)) == len(out) else tuple(str(k) for k in range(1, len(out) + 1))
 
 
-SEARCH = 0.3
-"""Largest distance between touches of one search [in the unit of a log in millimetres]."""
+_SEARCH, _STEPS, _STILL = 0.3e-3, 3, 1e-9
+"""Largest distance between touches of one search [m], largest number of them, and least motion of an axis [m]."""
 
 
-def last_of_each_search(points: FloatArray, millimetre: float = 1.0) -> BoolArray:
-    """Return which touches are the last of their search.
+def last_of_each_search(points: FloatArray) -> BoolArray:
+    """Return which touches are the last of their search ``(n,)``.
 
-    A controller searches a surface fast, retracts and touches it again slowly. Touches in a row whose coordinates
-    differ in one axis only, by up to 0.3 mm, are one search.
+    A controller searches a surface fast, retracts and touches it again slowly. Two or three touches in a row that
+    differ along one axis at most, by up to 0.3 mm, are one search; more are repeats of one place.
 
     Args:
-        points: positions of the touches in the order of the log ``(n, 3)``.
-        millimetre: a millimetre in the unit of the points.
+        points: positions of the touches in the order of the log ``(n, 3)`` [m].
     """
     step = np.abs(np.diff(points, axis=0))
-    moved = step > 1e-9 * millimetre
-    again = (moved.sum(axis=1) == 1) & (step.max(axis=1, initial=0.0) <= SEARCH * millimetre)
-    return np.append(~again, True)
+    again = ((step > _STILL).sum(axis=1) <= 1) & (step.max(axis=1, initial=0.0) <= _SEARCH)
+    last = np.ones(len(points), dtype=np.bool_)
+    ends = np.flatnonzero(np.append(~again, True))
+    for first, end in zip(np.append(0, ends[:-1] + 1), ends, strict=True):
+        if end - first < _STEPS:
+            last[first:end] = False
+    return last
 
 
 def counted(n: int, one: str, many: str = "") -> str:

@@ -103,4 +103,7 @@ def read(name: str, contents: Contents) -> Log:
     notes += [f"{missed} probes made no contact and are excluded."] if missed > 1 else []
     notes += [f"{counted(repeated, 'report')} equal to the one before excluded."] if repeated else []
     down = None if one.centres else np.broadcast_to([0.0, 0.0, -1.0], points.shape)
-    return Log(points=points, unit="mm", assumed=True, centres=one.centres, directions=down, notes=tuple(notes))
+    return Log(
+        points=points, unit="mm", assumed=True, centres=one.centres, moves=one.centres, directions=down,
+        notes=tuple(notes),
+    )  # fmt: skip

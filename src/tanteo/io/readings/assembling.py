@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 LARGEST = 100.0
 """Largest accepted coordinate or range [m]; larger values indicate a wrong unit."""
 
+_DECIMALS = 6
+"""Largest number of decimals of rounded coordinates; more are the full precision of a number."""
+
 TIME = "time"
 """Column of the times of the rows [s], which only places the hand."""
 
@@ -28,7 +31,14 @@ _INWARD = -0.3
 
 
 def assemble(
-    columns: dict[str, Any], n: int, stated: Stated, source: str, notes: list[str], *, outward: Vectors | None = None
+    columns: dict[str, Any],
+    n: int,
+    stated: Stated,
+    source: str,
+    notes: list[str],
+    *,
+    outward: Vectors | None = None,
+    step: float = 0.0,
 ) -> Readings:
     """Return readings built from file columns and the user's stated options.
 
@@ -39,6 +49,7 @@ def assemble(
         source: file name for messages.
         notes: notes collected so far.
         outward: outward normal vectors I, J, K of the file ``(n, 3)``; None if absent.
+        step: step to which the file rounds coordinates [m]; 0 if unknown.
 
     Returns:
         Checked readings, with the notes extended.
@@ -64,11 +75,28 @@ def assemble(
     try:
         radii = columns["radii"]
         columns["radii"] = None if radii is None else np.nan_to_num(radii)
-        readings = Readings.from_columns(**columns, n=n, source=source, notes=notes)
+        readings = Readings.from_columns(**columns, n=n, source=source, notes=notes, step=step)
         check_features(readings)
     except ReadingsError as error:
         raise ReadingsError(f"{source}: {error}") from None
     return readings
+
+
+def step_of(coordinates: FloatArray, unit: float) -> float:
+    """Return the step to which coordinates are rounded by their number of decimals [m].
+
+    It is 0 for whole numbers, which people type as exact ones, and for more than :data:`_DECIMALS` decimals.
+
+    Args:
+        coordinates: coordinates in the unit of the file, of any shape; NaN in empty cells.
+        unit: unit of the file [m].
+    """
+    known = np.abs(coordinates[np.isfinite(coordinates)])
+    for decimals in range(_DECIMALS + 1):
+        scaled = known * 10.0**decimals
+        if np.all(np.abs(scaled - np.round(scaled)) <= 1e-6 + 1e-15 * scaled):
+            return unit * 10.0**-decimals if decimals else 0.0
+    return 0.0
 
 
 def _place_in_time(columns: dict[str, Any], n: int, stated: Stated, source: str, notes: list[str]) -> int:

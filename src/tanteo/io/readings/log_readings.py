@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import ReadingsError, UnitError
-from tanteo.io.logs.log import Log, LogFormat
+from tanteo.io.logs.log import Log, LogFormat, counted, last_of_each_search
 from tanteo.io.poses.poses import pose_from_brand
-from tanteo.io.readings.assembling import assemble, rows_of
+from tanteo.io.readings.assembling import assemble, rows_of, step_of
 from tanteo.io.readings.brands import BRANDS
 from tanteo.io.readings.frames import zones_of
 from tanteo.io.readings.range_codes import decode, note_on_codes, refuse_strange
@@ -54,7 +54,25 @@ def readings_of(log: Log, stated: Stated, form: LogFormat, source: str) -> Readi
     columns, n = _columns(log, stated, metre, source), len(log)
     if log.ranges is not None:
         columns, n = _without_codes(columns, log, stated, metre, source, notes)
-    return assemble(columns, n, stated, source, notes, outward=log.outward)
+    if log.moves:
+        columns, n = _without_searches(columns, n, notes)
+    places = log.points if log.points is not None else None if log.poses is None else log.poses[:, :3]
+    step = 0.0 if places is None else step_of(places, metre)
+    return assemble(columns, n, stated, source, notes, outward=log.outward, step=step)
+
+
+def _without_searches(columns: dict[str, Any], n: int, notes: list[str]) -> tuple[dict[str, Any], int]:
+    """Return the columns with the last touch of each search, and their number of rows; a note counts the others."""
+    kept = np.flatnonzero(last_of_each_search(columns["points"])).tolist()
+    if len(kept) == n:
+        return columns, n
+    notes.append(
+        f"{counted(n - len(kept), 'touch', 'touches')} of searches in several steps excluded: of two or three touches "
+        "in a row at one place, the last and slowest counts."
+    )
+    columns = {name: rows_of(values, kept) for name, values in columns.items()}
+    columns["ids"] = columns["ids"] or [str(k + 1) for k in kept]
+    return columns, len(kept)
 
 
 def _metre(log: Log, stated: Stated, form: LogFormat, source: str) -> float:

@@ -12,10 +12,10 @@ from tanteo.errors import ReadingsError
 from tanteo.geometry.typing import BoolArray, FloatArray
 from tanteo.io.logs.log import counted
 from tanteo.io.poses.transforms import Track
-from tanteo.io.readings.assembling import TIME, assemble, rows_of
+from tanteo.io.readings.assembling import TIME, assemble, rows_of, step_of
 from tanteo.io.readings.cells import Numbers, Sheet
 from tanteo.io.readings.columns import DIRECTION, NORMAL, OUTWARD, POINT, Column
-from tanteo.io.readings.hand_columns import hand_poses, skewed_row, stated_brand
+from tanteo.io.readings.hand_columns import PLACE, hand_poses, skewed_row, stated_brand
 from tanteo.io.readings.range_codes import decode, is_code, note_on_codes, refuse_strange
 from tanteo.io.readings.stated import Stated
 from tanteo.sensors import Readings
@@ -256,7 +256,15 @@ class Table:
             if stated_invalid:
                 notes.append(f"Excluded: {counted(stated_invalid, 'row')} of status invalid.")
             n = len(kept)
-        return assemble(columns, n, self.stated, str(self.sheet.path), notes, outward=outward)
+        return assemble(columns, n, self.stated, str(self.sheet.path), notes, outward=outward, step=self._step(numbers))
+
+    def _step(self, numbers: dict[str, FloatArray]) -> float:
+        """Return the step to which coordinates are rounded [m]; 0 if unknown."""
+        names = next((group for group in (POINT, PLACE) if group[0] in numbers), ())
+        if not names:
+            return 0.0
+        unit = self.sheet.by_base[names[0]].factor
+        return step_of(np.stack([numbers[name] / unit for name in names]), unit)
 
     def track(self) -> Track:
         """Return the poses of the hand over time.
