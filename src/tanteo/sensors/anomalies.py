@@ -61,10 +61,10 @@ def _equal(measured: PointMeasurements) -> list[Sequence[str]]:
 def without_repeats(readings: Readings) -> tuple[Readings, RepeatedPlaces | None]:
     """Return the readings with one reading for each repeated place, and the finding; None if no place is repeated.
 
-    A place is repeated if three readings or more differ only along the approach (without an approach along one axis of
-    the world) by 0.1 mm or three steps of the file at most, and by 5 um or one step across it, as programs and probe
-    tests repeat it. Repeats show the noise at their place, but
-    not that between places, so they count as one reading. The first is kept: a drift has moved it least.
+    A place is repeated if three readings or more differ only along the approach, as programs and probe tests repeat it:
+    by 0.1 mm or three steps of the file at most, and by 5 um or one step across it. Without an approach they differ
+    along one axis of the world. Repeats show the noise at their place, but not that between places, so they count as
+    one reading. The first is kept: a drift has moved it least.
 
     Args:
         readings: readings in the order of their acquisition.
