@@ -25,7 +25,6 @@ import tanteo
 from bare_scenes import inside, nees, surface_points
 from tanteo.geometry import SE3, SO3
 from tanteo.posterior import prepare
-from tanteo.posterior.answers.pose_prior import PosePrior
 
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
 PARTS = ("housing", "block", "bracket_left", "clamp", "step_12mm")
@@ -91,7 +90,7 @@ def run_one(kind, seed, k):
         path = Path(folder) / "log.txt"
         path.write_text(text)
         readings = tanteo.read_readings(path, radius=RADIUS)
-    near = PosePrior(T_world_part=middle, covariance=np.diag(np.repeat([0.01, 0.09], 3) ** 2))
+    near = tanteo.PosePrior(T_world_part=middle, covariance=np.diag(np.repeat([0.01, 0.09], 3) ** 2))
     answer = tanteo.locate(readings, part, priors=tanteo.Priors(pose=near))
     best = answer.hypotheses[0]
     value, dof = nees(part.part, best.T_world_part, best.covariance, T)
