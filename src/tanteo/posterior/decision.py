@@ -32,6 +32,7 @@ from tanteo.posterior.fit_at_mode import GoodnessOfFit
 from tanteo.posterior.posterior import Posterior
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.prior_check import PriorCheck
+from tanteo.posterior.sampling.modes import Mode
 from tanteo.posterior.stable_poses import nearest_stable_pose
 from tanteo.words import Finding
 from tanteo.words.findings import (
@@ -61,7 +62,8 @@ class Outcome:
         candidates: all parts.
         chosen: parts that were searched.
         posterior: posterior over the searched parts.
-        found: goodness of fit of all modes, best first.
+        modes: all modes of the posterior that is reported, best first.
+        found: goodness of fit of the first of them, all probable ones included.
         hypotheses: hypotheses that are reported.
         check: agreement of the prior pose with the measurements.
         worst: the reading that contradicts the best hypothesis most; None if no reading is far off.
@@ -70,6 +72,7 @@ class Outcome:
     candidates: Candidates
     chosen: Active
     posterior: Posterior
+    modes: tuple[Mode, ...]
     found: list[GoodnessOfFit]
     hypotheses: tuple[Hypothesis, ...]
     check: PriorCheck
@@ -94,7 +97,7 @@ def verdict_of(
         unknown,
         significance,
         worst=outcome.worst,
-        shares=[(one.mode.prepared.part.name, one.mode.probability) for one in found],
+        shares=[(mode.prepared.part.name, mode.probability) for mode in outcome.modes],
         prior_p=check.p,
         elsewhere=check.elsewhere,
         missed=posterior.missing * (1 - unknown),

@@ -149,8 +149,9 @@ def weigh(
             variants.append(_log_variant(s.objective, s.peaks, s.peaks.evidence + own - log_sum(s.peaks.evidence)))
     sample(samplers, anywhere)
     modes = []
+    sampled = float(log_sum([anywhere, *(float(log_sum(sampler.masses()[0])) for sampler in samplers)]))
     for sampler in samplers:
-        own_modes = modes_of(sampler)
+        own_modes = modes_of(sampler, sampled + float(np.log(problem.settings.samples.min_probability)))
         modes += own_modes
         masses = np.array([mode.log_mass for mode in own_modes])
         variants.append(_log_variant(sampler.objective, _at_peaks(own_modes, sampler), masses))

@@ -10,6 +10,7 @@ import numpy as np
 from tanteo.defaults import SIGNIFICANCE, TOP
 from tanteo.factors import ContactPoints, FreeRays, PoseFactor
 from tanteo.features import SharedError
+from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
 from tanteo.posterior.answers.pose_prior import PosePrior
@@ -27,6 +28,7 @@ from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.prior_check import check_prior
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.result import as_hypothesis, worst_reading
+from tanteo.posterior.sampling.modes import Mode
 from tanteo.posterior.settings import DEFAULTS, Settings
 
 
@@ -86,22 +88,22 @@ def identify_points(
         share = 1 - posterior.unknown
         hypotheses = tuple(replace(h, probability=h.probability * share) for h in hypotheses)
     clock.lap("compare")
-    outcome = Outcome(candidates, chosen, posterior, found, hypotheses, check, worst)
-    status, findings = verdict_of(outcome, significance, shared)
     shown = check.other or posterior
+    outcome = Outcome(candidates, chosen, posterior, shown.modes, found, hypotheses, check, worst)
+    status, findings = verdict_of(outcome, significance, shared)
     return Answer(
         status, findings, hypotheses, posterior.unknown, clock.laps(), seed, significance=significance,
-        parts=_of_parts(found, 1.0 if check.other is None else 1 - posterior.unknown),
+        parts=_of_parts(shown.modes, 1.0 if check.other is None else 1 - posterior.unknown),
         missed_probability=shown.missing * (1 - posterior.unknown),
     )  # fmt: skip
 
 
-def _of_parts(found: Sequence[GoodnessOfFit], share: float) -> tuple[tuple[str, float], ...]:
+def _of_parts(modes: Sequence[Mode], share: float) -> tuple[tuple[str, float], ...]:
     """Return the probability of each part over all of its poses, most probable first."""
     shares: dict[str, float] = {}
-    for one in found:
-        name = one.mode.prepared.part.name
-        shares[name] = shares.get(name, 0.0) + share * one.mode.probability
+    for mode in modes:
+        name = mode.prepared.part.name
+        shares[name] = shares.get(name, 0.0) + share * mode.probability
     return tuple(sorted(shares.items(), key=lambda share: -share[1]))
 
 
@@ -123,8 +125,9 @@ def _searched(
 def _located(
     posterior: Posterior, pose: PosePrior | None, top: int
 ) -> tuple[list[GoodnessOfFit], tuple[Hypothesis, ...]]:
-    """Return the goodness of fit of all modes, and the best modes as hypotheses."""
-    found = [goodness_of_fit(mode) for mode in posterior.modes]
+    """Return the goodness of fit of the best and all probable modes, and the best modes as hypotheses."""
+    count = max(top, sum(mode.probability > NOTABLE for mode in posterior.modes))
+    found = [goodness_of_fit(mode) for mode in posterior.modes[:count]]
     return found, tuple(as_hypothesis(posterior.problem.points, one, pose) for one in found[:top])
 
 

@@ -64,8 +64,13 @@ class Mode:
         return self.objective.prepared
 
 
-def modes_of(sampler: Sampler) -> list[Mode]:
-    """Return the modes of one part; maxima that share samples or lie in each other's region are one mode."""
+def modes_of(sampler: Sampler, least: float = -np.inf) -> list[Mode]:
+    """Return the modes of one part; maxima that share samples or lie in each other's region are one mode.
+
+    Args:
+        sampler: samples of the part.
+        least: log mass below which a mode keeps the shape of its curvature: its samples give the mass alone.
+    """
     mass, _ = sampler.masses()
     sampled = np.isfinite(mass)
     if not sampled.any():
@@ -77,9 +82,15 @@ def modes_of(sampler: Sampler) -> list[Mode]:
     inside = _inside(sampler)
     together |= inside & sampled & sampled[:, None]
     together |= _in_one_valley(sampler, np.flatnonzero(sampled))
-    out = [_mode(sampler, rows, W) for rows in _groups(together) if sampled[rows].any()]
+    top, out = float(sampler.log_weights.max()), []
+    for rows in _groups(together):
+        if not sampled[rows].any():
+            continue
+        log_mass = float(mass[rows[0]]) if len(rows) == 1 else float(np.log(sums[rows].sum())) + top
+        out.append(_mode(sampler, rows, W) if log_mass > least else _by_curvature(sampler, rows, log_mass))
     apart = ~sampled & ~inside[sampled].any(axis=0)  # maxima in a sampled region are part of that mode
-    return out + [_by_curvature(sampler, int(k)) for k in np.flatnonzero(apart)]
+    masses = sampler.peaks.evidence + sampler.log_constant
+    return out + [_by_curvature(sampler, k, float(masses[k[0]])) for k in np.flatnonzero(apart)[:, None]]
 
 
 def _in_one_valley(sampler: Sampler, rows: IntArray) -> np.ndarray:
@@ -114,15 +125,15 @@ def _inside(sampler: Sampler) -> np.ndarray:
     return np.asarray(np.sum(z * z, axis=-1) < chi2_quantile(0.5, POSE_DOF))
 
 
-def _by_curvature(sampler: Sampler, k: int) -> Mode:
-    """Return the mode of a maximum that is too improbable for sampling, by its curvature."""
-    objective, peaks, T = sampler.objective, sampler.peaks, sampler.peaks.Ts[k]
+def _by_curvature(sampler: Sampler, rows: IntArray, log_mass: float) -> Mode:
+    """Return the mode of some maxima that is too improbable for its samples, by the curvature of the best maximum."""
+    objective, peaks = sampler.objective, sampler.peaks
+    k = int(rows[np.argmax(peaks.evidence[rows])])
+    T, information = peaks.Ts[k], to_origin(objective, peaks.information[k])
     covariance = from_centre(objective, objective.of_pose(peaks.information[k]))
-    information = to_origin(objective, peaks.information[k])
-    log_mass = float(peaks.evidence[k]) + sampler.log_constant
     return Mode(
         objective, T, covariance, T, peaks.zs[k], information, log_mass, 0.0, T[None], np.ones(1), 0.0, True,
-        sources=int(peaks.times[k]),
+        len(rows), int(np.bitwise_or.reduce(peaks.groups[rows])).bit_count(),
     )  # fmt: skip
 
 
