@@ -261,6 +261,11 @@ def load_derived(part: Part, kind: str) -> npt.NDArray[np.uint8] | None:
     return whole[:-_CHECKSUM] if _whole(memoryview(whole.data), key, kind) else None
 
 
+def keeps(part: Part) -> bool:
+    """Return whether the part was read with the cache, which then keeps what is derived from it."""
+    return part.derived.get("key") is not None
+
+
 def store_derived(part: Part, kind: str, data: bytes) -> bool:
     """Cache data derived from a part that was read with the cache, and return whether that succeeded.
 

@@ -41,7 +41,8 @@ class PreparedPart(Value):
             except ValueError:  # damaged, or of another version
                 pass
         shape = compiled_shape(self.part)
-        cache.store_derived(self.part, SHAPE, shape.bytes())
+        if cache.keeps(self.part):
+            cache.store_derived(self.part, SHAPE, shape.bytes())
         return shape
 
     @cached_property

@@ -560,8 +560,10 @@ NB_MODULE(native, m) {
         .def_prop_ro("samples", [](const Shape& s) { return rows_out(s.samples); }, nb::rv_policy::automatic)
         .def_prop_ro("normals", [](const Shape& s) { return rows_out(s.sample_normals); }, nb::rv_policy::automatic)
         .def("bytes", [](const Shape& s) {
-            const std::vector<unsigned char> all = s.bytes();
-            return nb::bytes(all.data(), all.size());
+            nb::bytes all = nb::steal<nb::bytes>(PyBytes_FromStringAndSize(nullptr, static_cast<Py_ssize_t>(s.size())));
+            if (!all.is_valid()) throw std::bad_alloc();
+            s.write(reinterpret_cast<unsigned char*>(PyBytes_AsString(all.ptr())));
+            return all;
         })
         .def_prop_ro("centre", [](const Shape& s) {
             return array_of(std::vector<double>{s.centre.x, s.centre.y, s.centre.z}, {3});

@@ -102,7 +102,9 @@ class Shape : public ShapeNumbers {
     Shape(Solid solid, int cells);
     // from the bytes of a shape; the caller keeps them alive as long as the shape
     Shape(const unsigned char* bytes, size_t size);
-    std::vector<unsigned char> bytes() const;
+    // number of bytes of the shape, and the bytes themselves: written to `out`, which may be aligned to any address
+    size_t size() const;
+    void write(unsigned char* out) const;
 
     Closest closest(const Vec3& p) const;
     Closest closest_about(const Vec3& p) const;  // on the triangle nearest to the nearest node of the grid

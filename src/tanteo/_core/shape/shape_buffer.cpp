@@ -60,7 +60,13 @@ void Shape::each_array(Self& s, Visit&& visit) {
     visit(s.edge_tree.nodes), visit(s.edge_tree.items), visit(s.grid), visit(s.grid_triangle);
 }
 
-std::vector<unsigned char> Shape::bytes() const {
+size_t Shape::size() const {
+    size_t at = aligned(sizeof(Head));
+    each_array(*this, [&](const auto& array) { at = aligned(at + array.size() * sizeof(array[0])); });
+    return at;
+}
+
+void Shape::write(unsigned char* out) const {
     Head head;
     head.numbers = *this;
     size_t at = aligned(sizeof(Head)), k = 0;
@@ -70,15 +76,14 @@ std::vector<unsigned char> Shape::bytes() const {
         at = aligned(at + array.size() * sizeof(array[0]));
     });
     head.size = at;
-    std::vector<unsigned char> out(at);
+    std::memset(out, 0, at);
     k = 0;
     each_array(*this, [&](const auto& array) {
-        if (!array.empty()) std::memcpy(&out[head.arrays[k].begin], array.data(), array.size() * sizeof(array[0]));
+        if (!array.empty()) std::memcpy(out + head.arrays[k].begin, array.data(), array.size() * sizeof(array[0]));
         ++k;
     });
-    head.sum = sum_of(head, out.data());
-    std::memcpy(out.data(), &head, sizeof(Head));
-    return out;
+    head.sum = sum_of(head, out);
+    std::memcpy(out, &head, sizeof(Head));
 }
 
 Shape::Shape(const unsigned char* bytes, size_t size) {

@@ -1,6 +1,7 @@
 // Construction of a shape from a mesh: flats with outlines, convex edges, the grid of distances.
+#include <algorithm>
 #include <cmath>
-#include <map>
+#include <numeric>
 #include <stdexcept>
 #include <tuple>
 
@@ -60,9 +61,9 @@ Shape::Shape(Solid solid, int cells)
 
 void Shape::make_flats(const std::vector<int>& profile_rows, std::vector<Flat>& made) {
     const int T = static_cast<int>(faces.size());
-    using Key = std::tuple<int, int64_t, int64_t, int64_t, int64_t>;
-    std::map<Key, int> known;
-    std::vector<int> owner(T, -1);
+    using Key = std::tuple<int, int64_t, int64_t, int64_t, int64_t, int>;  // face, normal, offset, triangle
+    std::vector<Key> keys;
+    std::vector<double> areas(T, 0.0);
     const double fine = 1e-7 * diagonal;
     for (int t = 0; t < T; ++t) {
         const Vec3 &a = vertices[triangles[3 * t]], &b = vertices[triangles[3 * t + 1]],
@@ -70,23 +71,36 @@ void Shape::make_flats(const std::vector<int>& profile_rows, std::vector<Flat>& 
         const double own = 0.5 * norm(cross(b - a, c - a));
         if (!(own > 1e-14 * diagonal * diagonal)) continue;  // a sliver has no reliable normal and no area
         const Vec3& n = normals[t];
-        const double offset = dot(n, a);
-        const Key key{faces[t], std::llround(1e5 * n.x), std::llround(1e5 * n.y), std::llround(1e5 * n.z),
-                      std::llround(offset / (10 * fine))};
-        const auto [at, is_new] = known.try_emplace(key, static_cast<int>(made.size()));
-        if (is_new) {
+        areas[t] = own;
+        keys.emplace_back(faces[t], std::llround(1e5 * n.x), std::llround(1e5 * n.y), std::llround(1e5 * n.z),
+                          std::llround(dot(n, a) / (10 * fine)), t);
+    }
+    std::sort(keys.begin(), keys.end());
+    std::vector<int> first(T, -1), owner(T, -1);  // first triangle of the flat of each triangle; flat of each triangle
+    const auto plane = [](const Key& k) {
+        return std::tie(std::get<0>(k), std::get<1>(k), std::get<2>(k), std::get<3>(k), std::get<4>(k));
+    };
+    for (size_t k = 0; k < keys.size(); ++k) {
+        const int t = std::get<5>(keys[k]);
+        first[t] = k && plane(keys[k]) == plane(keys[k - 1]) ? first[std::get<5>(keys[k - 1])] : t;
+    }
+    std::vector<Key>().swap(keys);
+    for (int t = 0; t < T; ++t) {
+        if (first[t] < 0) continue;
+        if (first[t] == t) {
             Flat flat;
-            flat.normal = n;
-            flat.origin = a;
-            flat.offset = offset;
-            flat.u = any_across(n);
-            flat.v = cross(n, flat.u);
+            flat.normal = normals[t];
+            flat.origin = vertices[triangles[3 * t]];
+            flat.offset = dot(flat.normal, flat.origin);
+            flat.u = any_across(flat.normal);
+            flat.v = cross(flat.normal, flat.u);
             flat.face = faces[t];
             flat.profile = profile_rows[t];
+            owner[t] = static_cast<int>(made.size());
             made.push_back(std::move(flat));
         }
-        owner[t] = at->second;
-        made[at->second].area += own;
+        owner[t] = owner[first[t]];
+        made[owner[t]].area += areas[t];
     }
     for (int t = 0; t < T; ++t) {
         if (owner[t] < 0 || profile_rows[t] < 0) continue;
@@ -100,8 +114,11 @@ void Shape::make_flats(const std::vector<int>& profile_rows, std::vector<Flat>& 
 }
 
 void Shape::make_outlines(std::vector<Flat>& made) {
-    std::map<std::tuple<int, int, int>, int> directed;  // flat, from, to: count
     const int T = static_cast<int>(faces.size());
+    struct Side {  // of a triangle, in the direction from vertex to vertex
+        int flat, from, to, order, count;
+    };
+    std::vector<Side> sides;
     std::vector<Box> boxes(made.size());
     for (int t = 0; t < T; ++t) {
         const int f = flat_of[t];
@@ -109,22 +126,43 @@ void Shape::make_outlines(std::vector<Flat>& made) {
         for (int j = 0; j < 3; ++j) {
             const int a = triangles[3 * t + j], b = triangles[3 * t + (j + 1) % 3];
             boxes[f].add(vertices[a]);
-            const auto back = directed.find({f, b, a});
-            if (back != directed.end() && back->second > 0)
-                --back->second;
-            else
-                ++directed[{f, a, b}];
+            sides.push_back({f, a, b, static_cast<int>(sides.size()), 1});
         }
     }
+    std::sort(sides.begin(), sides.end(), [](const Side& p, const Side& q) {
+        return std::make_tuple(p.flat, std::min(p.from, p.to), std::max(p.from, p.to), p.order) <
+               std::make_tuple(q.flat, std::min(q.from, q.to), std::max(q.from, q.to), q.order);
+    });
+    std::vector<Side> outline;  // each direction once; a side cancels one in the opposite direction
+    for (size_t k = 0; k < sides.size();) {
+        const Side& one = sides[k];
+        int counts[2] = {0, 0};
+        bool met[2] = {false, false};
+        for (; k < sides.size() && sides[k].flat == one.flat && std::min(sides[k].from, sides[k].to) == std::min(one.from, one.to) &&
+               std::max(sides[k].from, sides[k].to) == std::max(one.from, one.to); ++k) {
+            const bool turned = sides[k].from != one.from;
+            if (counts[!turned] > 0)
+                --counts[!turned];
+            else
+                ++counts[turned], met[turned] = true;
+        }
+        for (int turned = 0; turned < 2; ++turned)
+            if (met[turned])
+                outline.push_back({one.flat, turned ? one.to : one.from, turned ? one.from : one.to, 0, counts[turned]});
+    }
+    std::vector<Side>().swap(sides);
+    std::sort(outline.begin(), outline.end(), [](const Side& p, const Side& q) {
+        return std::tie(p.flat, p.from, p.to) < std::tie(q.flat, q.from, q.to);
+    });
     for (size_t f = 0; f < made.size(); ++f) {
         const double s = made[f].sagitta;
         boxes[f].lo = boxes[f].lo - Vec3{s, s, s};
         boxes[f].hi = boxes[f].hi + Vec3{s, s, s};
     }
     std::vector<OutlineEdge> lines;
-    for (const auto& [key, count] : directed) {  // flat by flat
-        Flat& flat = made[std::get<0>(key)];
-        const Vec3 a = vertices[std::get<1>(key)] - flat.origin, b = vertices[std::get<2>(key)] - flat.origin;
+    for (const Side& side : outline) {  // flat by flat
+        Flat& flat = made[side.flat];
+        const Vec3 a = vertices[side.from] - flat.origin, b = vertices[side.to] - flat.origin;
         OutlineEdge e{dot(a, flat.u), dot(a, flat.v), 0, 0, 0, 0};
         const double dx = dot(b, flat.u) - e.x, dy = dot(b, flat.v) - e.y;
         e.length = std::hypot(dx, dy);
@@ -132,8 +170,8 @@ void Shape::make_outlines(std::vector<Flat>& made) {
         e.dx = dx / e.length;
         e.dy = dy / e.length;
         if (!flat.edges) flat.first_edge = static_cast<int>(lines.size());
-        flat.edges += count;
-        lines.insert(lines.end(), count, e);
+        flat.edges += side.count;
+        lines.insert(lines.end(), side.count, e);
         for (const double x : {e.x, e.x + dx}) flat.lo[0] = std::min(flat.lo[0], x), flat.hi[0] = std::max(flat.hi[0], x);
         for (const double y : {e.y, e.y + dy}) flat.lo[1] = std::min(flat.lo[1], y), flat.hi[1] = std::max(flat.hi[1], y);
     }
@@ -216,31 +254,39 @@ void Shape::make_places() {
 }
 
 void Shape::make_convex_edges() {
-    std::map<std::pair<int, int>, int> owner;  // from, to: triangle
+    using Side = std::tuple<int, int, int>;  // from, to, triangle
+    std::vector<Side> sides;
     const int T = static_cast<int>(faces.size());
     for (int t = 0; t < T; ++t)
-        for (int j = 0; j < 3; ++j) owner[{triangles[3 * t + j], triangles[3 * t + (j + 1) % 3]}] = t;
+        for (int j = 0; j < 3; ++j) sides.emplace_back(triangles[3 * t + j], triangles[3 * t + (j + 1) % 3], t);
+    std::sort(sides.begin(), sides.end());
+    const auto owner_of = [&](int from, int to) {  // the last triangle with this side; -1 if none has it
+        const auto after = std::upper_bound(sides.begin(), sides.end(), Side{from, to, T});
+        const bool found = after != sides.begin() && std::get<0>(after[-1]) == from && std::get<1>(after[-1]) == to;
+        return found ? std::get<2>(after[-1]) : -1;
+    };
     std::vector<Box> boxes;
     std::vector<ConvexEdge> found;
     std::vector<int> convex(vertices.size(), 0);  // number of convex edges at each vertex; -1 if another edge ends there
-    for (const auto& [key, t] : owner) {
-        const auto back = owner.find({key.second, key.first});
-        if (back == owner.end()) convex[key.first] = convex[key.second] = -1;  // open mesh
-        if (key.first > key.second || back == owner.end()) continue;
-        const int s = back->second;
+    for (size_t k = 0; k < sides.size(); ++k) {
+        const auto [from, to, t] = sides[k];
+        if (k + 1 < sides.size() && std::get<0>(sides[k + 1]) == from && std::get<1>(sides[k + 1]) == to) continue;
+        const int s = owner_of(to, from);
+        if (s < 0) convex[from] = convex[to] = -1;  // open mesh
+        if (from > to || s < 0) continue;
         if (flat_of[t] < 0 || flat_of[s] < 0 || flat_of[t] == flat_of[s]) continue;
-        const Vec3 a = vertices[key.first], b = vertices[key.second], d = unit(b - a);
+        const Vec3 a = vertices[from], b = vertices[to], d = unit(b - a);
         // with the first triangle on the left of the edge, a convex one turns down to the second
         const double turn = dot(cross(normals[t], normals[s]), d);
-        for (const int end : {key.first, key.second})
+        for (const int end : {from, to})
             if (turn < -1e-3 || convex[end] < 0)
                 convex[end] = -1;
             else
                 convex[end] += turn > 1e-3;
         if (turn <= 1e-3) continue;
         ConvexEdge e{a, d, {normals[t], normals[s]}, {cross(normals[t], d), cross(d, normals[s])}, norm(b - a), faces[t]};
-        e.tip[0] = key.first;
-        e.tip[1] = key.second;
+        e.tip[0] = from;
+        e.tip[1] = to;
         Box box;
         box.add(a);
         box.add(b);

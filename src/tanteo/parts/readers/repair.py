@@ -15,6 +15,7 @@ from tanteo.parts.readers.topology import (
     edge_counts,
     near_groups,
     triangle_geometry,
+    unique_rows,
     volume_and_centroid,
 )
 
@@ -125,10 +126,10 @@ def merge_vertices(points: FloatArray, distance: float) -> tuple[FloatArray, Int
     Returns:
         Merged points and, for each given point, the index of its merged point.
     """
-    unique, index = np.unique(points, axis=0, return_inverse=True)
-    labels = near_groups(unique, distance)
+    rows, index = unique_rows(points)
+    labels = near_groups(points[rows], distance)
     _, first = np.unique(labels, return_index=True)
-    return unique[first], labels[index.reshape(-1)]
+    return points[rows[first]], labels[index]
 
 
 def _cleaned(
@@ -157,8 +158,8 @@ def _without_duplicates(faces: IntArray) -> IntArray:
         return faces
     order = np.argsort(faces, axis=1)
     even = (order == [0, 1, 2]).all(1) | (order == [1, 2, 0]).all(1) | (order == [2, 0, 1]).all(1)
-    _, first, group = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_inverse=True)
-    net = np.bincount(group.reshape(-1), weights=np.where(even, 1.0, -1.0))
+    first, group = unique_rows(np.sort(faces, axis=1))
+    net = np.bincount(group, weights=np.where(even, 1.0, -1.0))
     # if every triangle has its opposite, the mesh is a sheet modelled from both sides
     kept = net != 0.0 if (net != 0.0).any() else np.ones(len(first), dtype=np.bool_)
     return faces[np.sort(first[kept])]
