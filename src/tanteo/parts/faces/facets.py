@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
-from tanteo.parts.readers.topology import MeshEdges, components, triangle_geometry
+from tanteo.parts.readers.topology import MeshEdges, compacted, components, triangle_geometry, unique_rows
 
 FLOAT32 = 1.2e-7
 """Relative rounding error of a coordinate in single precision."""
@@ -66,8 +66,9 @@ def find_facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> 
     between = left != right
     pairs = np.sort(np.stack([left, right], axis=1)[between], axis=1)
     sides = np.linalg.norm(np.diff(vertices[edges.ends[between]], axis=1)[:, 0], axis=1)
-    links, index = np.unique(pairs, axis=0, return_inverse=True)
-    lengths: FloatArray = np.bincount(index.reshape(-1), sides, len(links)).astype(np.float64)
+    rows, index = unique_rows(pairs)
+    links = pairs[rows]
+    lengths: FloatArray = np.bincount(index, sides, len(links)).astype(np.float64)
     first = facet_normals[links[:, 0]]
     second = facet_normals[links[:, 1]]
     sines = np.linalg.norm(np.cross(first, second), axis=1)
@@ -106,7 +107,7 @@ def _flat_components(
         if left_over.sum() == waiting.sum():
             break
         waiting = left_over
-    return np.unique(labels, return_inverse=True)[1].reshape(-1).astype(np.int64)
+    return compacted(labels)[1]
 
 
 def _attach(

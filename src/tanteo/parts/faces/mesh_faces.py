@@ -21,7 +21,7 @@ from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.parts.faces.elements import SurfaceKind
 from tanteo.parts.faces.facets import FLOAT32, MeshFacets, find_facets
 from tanteo.parts.faces.fits import fit_curved
-from tanteo.parts.readers.topology import Draft, MeshEdges, components, mesh_edges
+from tanteo.parts.readers.topology import Draft, MeshEdges, compacted, components, mesh_edges, unique_rows
 
 SMOOTH_ANGLE = np.deg2rad(30.0) - 1e-4
 """Angle between facets below which they belong to one curved surface [rad]."""
@@ -198,9 +198,9 @@ def _fit(
     vertices: FloatArray, triangles: IntArray, facets: MeshFacets, members: IntArray
 ) -> tuple[SurfaceKind, dict[str, Any]]:
     used = np.isin(facets.of_triangle, members)
-    rows, index = np.unique(triangles[used], return_inverse=True)
-    touched = np.unique(np.column_stack([index.reshape(-1), np.repeat(facets.of_triangle[used], 3)]), axis=0)
-    between = np.bincount(touched[:, 0], minlength=len(rows)) > 1
+    rows, index = compacted(triangles[used])
+    touched = np.column_stack([index.reshape(-1), np.repeat(facets.of_triangle[used], 3)])
+    between = np.bincount(touched[unique_rows(touched)[0], 0], minlength=len(rows)) > 1
     precision = 4.0 * FLOAT32 * float(np.abs(vertices).max())
     of_facets = facets.centres[members], facets.normals[members], facets.areas[members]
     return fit_curved(vertices[rows], between, *of_facets, precision)

@@ -10,7 +10,7 @@ import numpy as np
 from tanteo.geometry.typing import FloatArray, IntArray, Vectors
 from tanteo.parts.faces.elements import Face, SurfaceKind
 from tanteo.parts.part import Part
-from tanteo.parts.readers.topology import components, mesh_edges, triangle_geometry
+from tanteo.parts.readers.topology import components, mesh_edges, triangle_geometry, unique_rows
 from tanteo.parts.shapes.revolved import Profiles, Revolved, revolved
 
 
@@ -104,7 +104,8 @@ def merge_faces(
     """
     edges = mesh_edges(triangles)
     pairs = np.sort(np.stack([owners[edges.left], owners[edges.right]], axis=1), axis=1)
-    pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    pairs = pairs[unique_rows(pairs)[0]]
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     normals, areas = triangle_geometry(vertices, triangles)
     count = len(kinds)

@@ -11,6 +11,7 @@ from tanteo.parts.faces.cuts import consistently_wound, crowded_edges, cut
 from tanteo.parts.faces.gaps import fill_holes, open_edges, split_sides
 from tanteo.parts.faces.sides import outward, united, with_sides, without_loose
 from tanteo.parts.readers.topology import (
+    compacted,
     directed_edges,
     edge_counts,
     near_groups,
@@ -46,7 +47,7 @@ def sound_mesh(vertices: FloatArray, triangles: IntArray, label: str) -> tuple[F
         raise PartError(
             f"{label}: expected triangles, got {got}. Is the file a mesh? Export the part again as a solid."
         )
-    used = vertices[np.unique(triangles)]
+    used = vertices[compacted(triangles)[0]]
     if not np.isfinite(used).all():
         raise PartError(f"{label}: expected finite coordinates, got NaN or infinity. Export the part again.")
     diagonal = float(np.linalg.norm(used.max(axis=0) - used.min(axis=0)))
@@ -135,9 +136,9 @@ def merge_vertices(points: FloatArray, distance: float) -> tuple[FloatArray, Int
 def _cleaned(
     vertices: FloatArray, triangles: IntArray, distance: float, diagonal: float
 ) -> tuple[FloatArray, IntArray, list[str]]:
-    used, compact = np.unique(triangles, return_inverse=True)
+    used, compact = compacted(triangles)
     points, index = merge_vertices(vertices[used], distance)
-    faces = index[compact.reshape(-1)].reshape(-1, 3)
+    faces = index[compact]
     repairs = []
     equal = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
     if equal.any():

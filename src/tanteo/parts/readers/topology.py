@@ -61,6 +61,22 @@ def unique_rows(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
     return first, sets
 
 
+def compacted(indices: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the indices that occur, in ascending order, and the position of each given index among them.
+
+    Equal to ``np.unique`` with the inverse, for indices of an array, without sorting.
+
+    Args:
+        indices: indices from 0, of any shape.
+
+    Returns:
+        Indices that occur ``(m,)``, and positions in the shape of ``indices``.
+    """
+    used = np.zeros(int(indices.max(initial=-1)) + 1, dtype=np.bool_)
+    used[indices] = True
+    return np.flatnonzero(used), (np.cumsum(used) - 1)[indices]
+
+
 def directed_edges(triangles: IntArray) -> tuple[IntArray, IntArray]:
     """Return the directed edges ``(3T, 2)`` and the triangle of each ``(3T,)``.
 
@@ -126,7 +142,7 @@ def components(count: int, first: IntArray, second: IntArray) -> IntArray:
         b = root[second]
         apart = a != b
         if not apart.any():
-            return np.asarray(np.unique(root, return_inverse=True)[1], dtype=np.int64)
+            return compacted(root)[1]
         np.minimum.at(root, np.maximum(a, b)[apart], np.minimum(a, b)[apart])
         while np.any(root != root[root]):
             root = root[root]
