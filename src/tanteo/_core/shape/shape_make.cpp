@@ -133,21 +133,21 @@ void Shape::make_outlines(std::vector<Flat>& made) {
         return std::make_tuple(p.flat, std::min(p.from, p.to), std::max(p.from, p.to), p.order) <
                std::make_tuple(q.flat, std::min(q.from, q.to), std::max(q.from, q.to), q.order);
     });
-    std::vector<Side> outline;  // each direction once; a side cancels one in the opposite direction
+    std::vector<Side> outline;  // each direction once: a side cancels one of the opposite direction
     for (size_t k = 0; k < sides.size();) {
         const Side& one = sides[k];
         int counts[2] = {0, 0};
-        bool met[2] = {false, false};
+        bool occurs[2] = {false, false};
         for (; k < sides.size() && sides[k].flat == one.flat && std::min(sides[k].from, sides[k].to) == std::min(one.from, one.to) &&
                std::max(sides[k].from, sides[k].to) == std::max(one.from, one.to); ++k) {
             const bool turned = sides[k].from != one.from;
             if (counts[!turned] > 0)
                 --counts[!turned];
             else
-                ++counts[turned], met[turned] = true;
+                ++counts[turned], occurs[turned] = true;
         }
         for (int turned = 0; turned < 2; ++turned)
-            if (met[turned])
+            if (occurs[turned])
                 outline.push_back({one.flat, turned ? one.to : one.from, turned ? one.from : one.to, 0, counts[turned]});
     }
     std::vector<Side>().swap(sides);
