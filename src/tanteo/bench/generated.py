@@ -24,16 +24,16 @@ SD, NORMAL_SD = 5e-4, float(np.radians(3.0))
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """How the scenes of a set are made.
+    """Recipe of the scenes of a set.
 
     Attributes:
-        words: a sentence on them.
-        readings: in each scene.
+        words: sentence that describes the scenes.
+        readings: number of readings in each scene.
         normals: whether normals are sensed.
-        alone: one candidate, or all parts.
-        true_noise: true over stated standard deviation.
-        outliers: readings of each that are up to 50 mm off.
-        absent: share of scenes of a part that is taken out of the candidates.
+        alone: whether the true part is the only candidate; otherwise all parts are candidates.
+        true_noise: true standard deviation of the noise divided by the stated one.
+        outliers: number of readings of each scene that are up to 50 mm off.
+        absent: fraction of the scenes whose true part is removed from the candidates.
     """
 
     words: str

@@ -60,10 +60,13 @@ class Outcome:
 
 
 def check_method(name: str) -> None:
-    """Refuse what is neither the name of a method nor a function of a file.
+    """Check that a text names a method of the benchmark or a function in a file.
+
+    Args:
+        name: name of a method, or ``FILE.py:function``.
 
     Raises:
-        InputError: with the names, or the reason.
+        InputError: the text names neither; the message lists the methods.
     """
     if name in METHODS:
         return

@@ -82,15 +82,15 @@ def _scene(path: Path, part: str | None, pose: Transforms | None) -> BenchScene:
 
 
 def write_set(bench_set: BenchSet, folder: str | Path) -> None:
-    """Write a set as :func:`read_set` reads it, into a new folder: meshes as STL in millimetres.
+    """Write a set into a new folder, with its parts as STL in millimetres; :func:`read_set` reads it.
 
     Args:
-        bench_set: the set.
-        folder: of it; it must not exist yet.
+        bench_set: set to write.
+        folder: folder to create; it must not exist yet.
 
     Raises:
-        InputError: there is something of that name.
-        OSError: it cannot be written.
+        InputError: the folder, or a file of that name, exists.
+        OSError: the folder cannot be written.
     """
     import trimesh  # slow to import
 

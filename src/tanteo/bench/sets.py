@@ -69,14 +69,14 @@ class BenchSet:
     """Scenes of the parts of a catalogue.
 
     Attributes:
-        name: of the set.
-        parts: the candidates.
-        scenes: of them.
-        tolerance: a pose is right where no corner of the part is farther off [m].
-        words: a sentence on what the scenes are.
+        name: name of the set.
+        parts: candidate parts.
+        scenes: scenes of these parts.
+        tolerance: largest displacement of a corner of the part at a correct pose [m].
+        words: sentence that describes the scenes.
 
     Raises:
-        InputError: for parts of one name, a truth that is no part, or no tolerance.
+        InputError: there are no parts or two of one name, a true part is unknown, or the tolerance is not positive.
     """
 
     name: str

@@ -105,7 +105,7 @@ def ask(
     Args:
         readings: file of the readings.
         parts: files, folders or catalogue of the parts.
-        options: what is known beside the readings.
+        options: other evidence: images, priors and the options of the factors.
         file: options for the file of readings.
         known: prior knowledge of the pose; None for none.
         top: largest number of hypotheses.

@@ -39,5 +39,5 @@ class PoseFactor(ABC):
 
         Args:
             part: candidate part.
-            first: index of the factor's first shared error among all of them.
+            first: index of the factor's first shared error among those of all factors.
         """

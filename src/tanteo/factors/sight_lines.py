@@ -105,7 +105,12 @@ class SightLines(PoseFactor):
         return found
 
     def term(self, part: Part, first: int) -> _core.PoseTerm:
-        """Compile the factor for one part."""
+        """Compile the factor for one part.
+
+        Args:
+            part: candidate part.
+            first: index of the factor's first shared error among those of all factors.
+        """
         arrays = {
             "origin": self.origin[None],
             "directions": self.directions,

@@ -24,7 +24,7 @@ def refuse_narrow(spread: FloatArray, R: FloatArray, message: str) -> None:
             for the x axis.
 
     Raises:
-        DegenerateError: with the message.
+        DegenerateError: the spread is smaller; the error has the text of ``message``.
     """
     if np.all(spread >= _LEAST_SPREAD):
         return

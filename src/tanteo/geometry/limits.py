@@ -23,10 +23,15 @@ SUSPECT = 1e-3
 
 
 def check_number(name: str, value: object, unit: str = "") -> None:
-    """Refuse what is not one real number, a text with a unit above all.
+    """Check that a value is one real number; a text with a unit is refused.
+
+    Args:
+        name: name of the value, for the message.
+        value: value to check.
+        unit: unit that the message names; empty for none.
 
     Raises:
-        InputError: with what it is.
+        InputError: the value is not one real number; the message quotes it.
     """
     if _kind(value) in ("f", "i", "u"):
         return
@@ -35,10 +40,13 @@ def check_number(name: str, value: object, unit: str = "") -> None:
 
 
 def check_significance(value: object) -> None:
-    """Refuse a significance level that is not a number between 0 and 1.
+    """Check that a significance level is a number between 0 and 1.
+
+    Args:
+        value: significance level.
 
     Raises:
-        InputError: the value is none.
+        InputError: the value is no such number.
     """
     check_number("significance", value)
     if not 0 < value < 1:  # type: ignore[operator]
@@ -55,10 +63,15 @@ def _kind(value: object) -> str:
 
 
 def check_count(name: str, value: object, least: int) -> None:
-    """Refuse what is not a whole number from ``least`` on.
+    """Check that a value is a whole number of at least ``least``.
+
+    Args:
+        name: name of the value, for the message.
+        value: value to check.
+        least: smallest accepted number.
 
     Raises:
-        InputError: with what it is.
+        InputError: the value is no whole number or is too small; the message quotes it.
     """
     if _kind(value) not in ("i", "u"):
         raise InputError(f"{name}: expected a whole number, got {value!r}.")
@@ -67,10 +80,15 @@ def check_count(name: str, value: object, least: int) -> None:
 
 
 def check_length(name: str, value: float, least: float = 0.0) -> None:
-    """Refuse what is no length from ``least`` to :data:`LARGEST`.
+    """Check that a value is a length from ``least`` to :data:`LARGEST`.
+
+    Args:
+        name: name of the value, for the message.
+        value: length [m].
+        least: smallest accepted length [m].
 
     Raises:
-        InputError: with the value.
+        InputError: the value is no number or outside these limits; the message quotes it.
     """
     check_number(name, value, "m")
     if not least <= value <= LARGEST:
@@ -79,10 +97,14 @@ def check_length(name: str, value: float, least: float = 0.0) -> None:
 
 
 def check_places(name: str, points: FloatArray) -> None:
-    """Refuse coordinates [m] that are not numbers up to :data:`LARGEST`.
+    """Check that all coordinates are numbers of at most :data:`LARGEST` in size.
+
+    Args:
+        name: name of the coordinates, for the message.
+        points: coordinates of any shape [m].
 
     Raises:
-        InputError: with the worst of them.
+        InputError: a coordinate is no number or too large; the message quotes the largest.
     """
     worst = float(np.abs(points).max(initial=0.0))
     if not worst <= LARGEST:
@@ -90,10 +112,14 @@ def check_places(name: str, points: FloatArray) -> None:
 
 
 def check_spreads(name: str, C: Covariances) -> None:
-    """Refuse standard deviations of a pose ``(*batch, 6, 6)`` that are less than nothing known, or more than anything.
+    """Check that the standard deviations of poses are between :data:`LEAST_SD` and :data:`LARGEST`.
+
+    Args:
+        name: name of the pose, for the message.
+        C: covariances of poses ``(*batch, 6, 6)``, [m] and [rad].
 
     Raises:
-        InputError: with the standard deviation.
+        InputError: a standard deviation is outside these limits; the message quotes it.
     """
     sd = np.sqrt(np.diagonal(C, axis1=-2, axis2=-1))
     wrong = sd[~((sd >= LEAST_SD * (1 - 1e-9)) & (sd <= LARGEST * (1 + 1e-9)))]  # squared and rooted

@@ -97,17 +97,16 @@ class SymmetryProbe:
         planes = self.part.planes
         if not len(planes):
             return True
-        size = self.part.diagonal
-        normals = planes.normals @ T[:3, :3].T
-        centroids = planes.centroids @ T[:3, :3].T + T[:3, 3]
         sagitta = 2.0 * float(self.face_slack.max())
-        far = np.linalg.norm(centroids[:, None] - planes.centroids[None], axis=2)
-        offsets = np.abs(np.einsum("ijk,jk->ij", centroids[:, None] - planes.centroids[None], planes.normals))
-        aligned = normals @ planes.normals.T > 1.0 - 1e-5
-        spread = np.abs(planes.gyration[:, None] - planes.gyration[None]).max(axis=2)
-        near = (far < 10.0 * self.base + sagitta) & (offsets < self.base) & (spread < 3.0 * self.base + sagitta)
-        areas = np.abs(planes.areas[:, None] - planes.areas[None]) <= (3.0 * self.base + sagitta) * size
-        return bool((aligned & near & areas).any(axis=1).all())
+        centroids = planes.centroids @ T[:3, :3].T + T[:3, 3]
+        i, j = _near_pairs(centroids, planes.centroids, 10.0 * self.base + sagitta)
+        aligned = np.sum((planes.normals[i] @ T[:3, :3].T) * planes.normals[j], axis=1) > 1.0 - 1e-5
+        offsets = np.abs(np.sum((centroids[i] - planes.centroids[j]) * planes.normals[j], axis=1))
+        spread = np.abs(planes.gyration[i] - planes.gyration[j]).max(axis=1)
+        areas = np.abs(planes.areas[i] - planes.areas[j])
+        like = aligned & (offsets < self.base) & (spread < 3.0 * self.base + sagitta)
+        like &= areas <= (3.0 * self.base + sagitta) * self.part.diagonal
+        return len(np.unique(i[like])) == len(planes)
 
 
 LOOSE = 5e-3
@@ -162,6 +161,17 @@ def find_symmetry(part: Part) -> SymmetryGroup:
         if probe.accepts(_about(part.centroid, R)):
             found.append(_refined(part, R))
     return SymmetryGroup(np.array([_about(part.centroid, R) for R in _ordered(found)]))
+
+
+def _near_pairs(first: FloatArray, second: FloatArray, reach: float) -> tuple[IntArray, IntArray]:
+    """Return the rows of all pairs of points, one of each set, that are nearer than ``reach`` to each other [m]."""
+    if len(first) * len(second) <= _FEW_VECTORS**2:  # SciPy takes longer to import
+        i, j = np.nonzero(np.linalg.norm(first[:, None] - second[None], axis=2) < reach)
+        return i, j
+    from scipy.spatial import cKDTree  # slow to import
+
+    found = cKDTree(first).sparse_distance_matrix(cKDTree(second), reach, output_type="ndarray")
+    return found["i"], found["j"]
 
 
 def _about(centre: FloatArray, R: FloatArray) -> FloatArray:

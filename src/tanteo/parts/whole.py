@@ -46,10 +46,14 @@ def read_whole(path: str | Path, what: str, most: int = DOCUMENT) -> bytes:
 
 
 def check_file(path: str | Path, what: str) -> None:
-    """Refuse what is no file, without opening it.
+    """Check that a path names a regular file, without opening it.
+
+    Args:
+        path: path to check.
+        what: kind of the expected file, for the message.
 
     Raises:
-        InputError: as :func:`read_whole`.
+        InputError: the path is missing, or names a folder, a pipe or a device.
     """
     try:
         mode = os.stat(path).st_mode

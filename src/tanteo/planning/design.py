@@ -159,7 +159,7 @@ class Design:
         """Return the approximate probability of a missed tolerance after each candidate is added ``(N,)``.
 
         Args:
-            chosen: rows of the candidates.
+            chosen: rows of the candidates chosen so far.
             tolerance: largest allowed displacement of a point [m].
         """
         by, lost = self.chosen_by, np.zeros(len(self.rows))

@@ -50,7 +50,14 @@ def beta_binomial_tail(outliers: int, n: int, mean: float) -> float:
 
 
 def log_by_rate(log_hit: FloatArray, log_outlier: FloatArray, rates: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return the log density of all readings and each rate together ``(K, S)``."""
+    """Return the joint log density of all readings and each outlier rate ``(K, S)``.
+
+    Args:
+        log_hit: log densities of the readings on the part ``(S, n)``.
+        log_outlier: log densities of the readings as outliers ``(n,)`` or ``(S, n)``.
+        rates: outlier rates, nodes of a quadrature ``(K,)``.
+        weights: weights of the nodes ``(K,)``.
+    """
     top = np.maximum(log_hit, log_outlier)
     hit, outlier = np.exp(log_hit - top), np.exp(log_outlier - top)
     each = [np.sum(np.log((1 - rate) * hit + rate * outlier), axis=-1) for rate in rates]

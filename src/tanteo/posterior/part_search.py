@@ -82,7 +82,11 @@ class PartSearch:
         self.restarts += 1
 
     def propose(self, proposer: Proposer, effort: Effort | None = None) -> None:
-        """Maximize from the poses of one proposer.
+        """Maximize from the poses of one proposer, and merge the maxima with those found before.
+
+        Args:
+            proposer: source of initial poses.
+            effort: numbers of poses to propose; None for those of the settings.
 
         Raises:
             PluginError: a proposer of another distribution fails; the message names it.
@@ -113,7 +117,12 @@ class PartSearch:
         self.peaks = objective.merged(self.peaks, rest.join(near), self.settings.maximized)
 
     def pass_on(self, Ts: Transforms, proposer: Proposer) -> None:
-        """Maximize from the best poses of other parts."""
+        """Maximize from the best poses of other parts.
+
+        Args:
+            Ts: poses of the other parts ``(S, 4, 4)``.
+            proposer: proposer that reads them.
+        """
         self._others = Ts
         self.propose(proposer)
         self._others = Ts[:0]
@@ -136,7 +145,7 @@ class PartSearch:
         return np.asarray(best.inlier_probability[0, others] > 0.5)
 
     def is_good_fit(self) -> bool:
-        """Return whether nearly all points are on the part at the best maximum, with no more noise than known."""
+        """Return whether the best maximum explains nearly all points, with at most the noise that the prior expects."""
         on = self.on_the_part()
         return not len(on) or (float(on.mean()) > self.settings.explained and self._log_scale() <= self._scale_sd)
 

@@ -75,7 +75,12 @@ def hypothesis(mode: Mode, images: Sequence[ImageEdges], *, lying: bool = False)
 
 
 def judged(hypotheses: Sequence[Hypothesis], posterior: ImagePosterior) -> tuple[Status, tuple[Finding, ...]]:
-    """Return status and findings. Edges of real parts differ from those of models: a poor fit widens the covariance."""
+    """Return the status and the findings of an answer from images.
+
+    Args:
+        hypotheses: hypotheses, most probable first.
+        posterior: posterior of the images.
+    """
     status, finding = verdict(tuple(hypotheses), posterior.unknown, 0.0)
     findings: tuple[Finding, ...] = (finding,)
     best = hypotheses[0] if hypotheses else None

@@ -48,10 +48,10 @@ class Weights:
     base: float = 8.97
 
     def rules(self, *, located: bool = True) -> FloatArray:
-        """Return all constants of the formula, in the order of ``EdgeRules`` ``(17,)``.
+        """Return the constants of the likelihood of image edges, in the order of ``EdgeRules`` in the core ``(17,)``.
 
         Args:
-            located: whether there is a sum of where edges are.
+            located: whether the likelihood includes exact positions of edges; otherwise only whether edges are near.
         """
         e = EVIDENCE
         near = (
@@ -76,8 +76,8 @@ class ImageEdges(PoseFactor):
         weights: weights of the sums.
         log_unknown: log density of the image if the object is unknown.
         proposed: poses ``T_world_part`` of each part that the image suggests.
-        levels: of each part, poses ``T_world_part`` and the constant that is taken from the log density of poses that
-            are nearest to each; None if there are none yet.
+        levels: for each part, reference poses ``T_world_part`` and a constant for each. The log density of a pose is
+            reduced by the constant of the nearest reference pose. None before the constants are known.
     """
 
     camera: Camera
@@ -135,12 +135,12 @@ class ImageEdges(PoseFactor):
         return Sums(*_core.image_sums(self.term(part, 0), np.ascontiguousarray(Ts), np.ascontiguousarray(zs)).T)
 
     def sums(self, model: VisionModel, T_camera_part: Transforms, *, coarse: bool = False) -> Sums:
-        """Evaluate poses of a part that are not maxima yet: that edges are there, not exactly where.
+        """Evaluate poses of a part before their refinement: whether edges are near, but not their exact positions.
 
         Args:
-            model: the part.
+            model: part with its edges.
             T_camera_part: poses ``(B, 4, 4)``.
-            coarse: with few samples of its edges, and edge points at twice the distance.
+            coarse: whether to use few samples of the part's edges, and edge points at up to twice the distance.
         """
         seen, reach = (model.seen_coarsely, 2 * EVIDENCE.reach) if coarse else (model.seen, EVIDENCE.reach)
         term = _core.image_edges(seen, self.image, self.weights.rules(located=False), *_NO_LEVELS, reach, 0)

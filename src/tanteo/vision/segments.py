@@ -106,9 +106,18 @@ def _fitted(camera: Camera, edges: EdgeMap, line: FloatArray) -> _Row | None:
 
 
 def fit_line(points: FloatArray, sds: FloatArray, way: FloatArray) -> _Row:
-    """Fit a line to points ``(n, 2)``: ends, middle, direction, covariance of offset and direction, count.
+    """Fit a straight line to edge points of an image.
 
     Neighbouring points share noise over a correlation length, and all points share a bias (``EdgeSettings.bias``).
+
+    Args:
+        points: points ``(n, 2)`` without distortion [px].
+        sds: standard deviations of the points across the line ``(n,)`` [px].
+        way: approximate direction of the line, a unit vector ``(2,)``; the fitted direction has its sign.
+
+    Returns:
+        End points ``(2, 2)`` [px], weighted middle ``(2,)`` [px], direction ``(2,)``, covariance of offset and angle
+        ``(2, 2)`` [px, rad], and number of points.
     """
     w = 1 / (sds**2 + 0.05**2)
     w = w * np.clip(1 - ((points - np.median(points, axis=0)) @ np.array([-way[1], way[0]]) / 6.0) ** 2, 0.05, 1.0)

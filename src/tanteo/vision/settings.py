@@ -218,9 +218,9 @@ class VisionSettings:
     """All settings of vision.
 
     Attributes:
-        edges: how edge points of an image are found, and how exact they are.
-        evidence: what the edges of an image say of the pose of a part.
-        search: how poses of a part are proposed and refined.
+        edges: settings of the detection of edge points, and their accuracy.
+        evidence: settings of the likelihood of a pose given the edges of an image.
+        search: settings of the proposal and refinement of poses.
     """
 
     edges: EdgeSettings = EdgeSettings()

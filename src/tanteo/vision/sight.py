@@ -52,7 +52,7 @@ def prepared(one: Part | VisionModel) -> VisionModel:
 
 
 def part_of(one: Any) -> Part:
-    """Return the part of a prepared part."""
+    """Return the part of a prepared part, or the part itself if it is not prepared."""
     found: Part = getattr(one, "part", one)
     return found
 

@@ -63,14 +63,14 @@ class Seen:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stage:
-    """What can be played.
+    """Scene of the demo: candidate parts, the true part and its pose, and the knowledge before the first reading.
 
     Attributes:
-        targets: the parts that it may be, by name.
-        truth: name of the one that lies there.
-        T_world_part: where it lies.
-        start: where each may be before the first reading.
-        seen: what the camera saw; None without one.
+        targets: candidate parts by name.
+        truth: name of the true part.
+        T_world_part: true pose of the part ``(4, 4)``.
+        start: prior poses of each candidate before the first reading.
+        seen: answer of the camera; None without a camera.
     """
 
     targets: dict[str, PreparedPart]

@@ -63,12 +63,20 @@ class Place:
 
 
 def least_radius(hand: Hand, standoff: float, *, convex: bool) -> float:
-    """Radius below which a hand acquires no rim [m]: its beams have to pass a bore, and both to stand on a boss."""
+    """Return the smallest radius of a rim that a hand can acquire [m].
+
+    A bore must be wider than the spot of a beam. A boss must be wide enough for both frontal beams.
+
+    Args:
+        hand: hand with its frontal beams.
+        standoff: distance of the sensors from the face [m].
+        convex: whether the rim is that of a boss; otherwise of a bore.
+    """
     return 0.5 * hand.baseline + _ON_BOSS if convex else _spot(hand, standoff) + 0.5 * _BEYOND
 
 
 def narrowest(run: SensingRun) -> float:
-    """Diameter below which a bore is not met by the frontal beams at the stand-off [m]."""
+    """Return the smallest diameter of a bore that the frontal beams detect at the stand-off [m]."""
     return 2 * least_radius(run.hand, run.standoff, convex=False)
 
 
@@ -169,10 +177,17 @@ def _rows(points: FloatArray, x: FloatArray, r: float) -> tuple[FloatArray, Floa
 
 
 def controlled(places: Sequence[Place], face: Feature, disc: Disc) -> tuple[list[Place], Finding | None]:
-    """Places without one that is on something else, if the others control each other; and what speaks against them.
+    """Exclude a position that is not on the rim, if the others suffice to identify it (data snooping; Baarda 1968).
 
-    As of an edge: the place with the largest residual beyond the gate is known to be the wrong one if enough others are
-    left (data snooping; Baarda 1968).
+    The position with the largest residual beyond the gate is excluded if at least :data:`LEAST_PLACES` remain.
+
+    Args:
+        places: positions on the rim.
+        face: face that the rim is on.
+        disc: approximate circle.
+
+    Returns:
+        The remaining positions, and the finding that contradicts them; None if there is none.
     """
     kept = list(places)
     why, worst = _doubt(kept, face, disc)

@@ -244,7 +244,7 @@ def _along_beams(hand: Hand, log: Sequence[HandReading]) -> Vectors:
 
 
 def cells_of(points: Vectors) -> IntArray:
-    """Return the unique indices of the cells that contain points."""
+    """Return the sorted unique indices of the cubic cells (edge :data:`CELL`) that contain points ``(n, 3)`` [m]."""
     i = np.round(points / CELL).astype(np.int64) + _HALF
     return _once((i[:, 0] << 2 * _BITS) + (i[:, 1] << _BITS) + i[:, 2])
 

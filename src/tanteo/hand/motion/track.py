@@ -55,7 +55,14 @@ class Track:
 
     @classmethod
     def of(cls, leg: Sequence[HandReading], sensor: int, distance: float, slack: float) -> Track:
-        """Create the track of one sensor over a surface at a distance, within a slack [m]."""
+        """Create the track of one sensor over a surface.
+
+        Args:
+            leg: readings of one straight motion, in order.
+            sensor: index of the sensor on the rig.
+            distance: expected range to the surface [m].
+            slack: largest difference from that range at which a reading counts as on the surface [m].
+        """
         ranges = np.array([s.ranges[sensor] for s in leg])
         states = np.array([s.states[sensor] for s in leg])
         Ts = np.array([s.T_world_hand for s in leg])
@@ -66,10 +73,14 @@ class Track:
         return cls(Ts, ways, ranges, on, dropped, states == LOST)
 
     def last_on(self, gap: float, *, blindly: bool = False) -> int | None:
-        """Return the index of the last reading on the surface before a stretch of ``gap`` [m] that is off it.
+        """Return the index of the last reading on the surface before it ends; None if it does not end.
 
-        At least three readings must confirm it. Echoes without a range count only with ``blindly``, because next to an
-        edge the beam grazes the side face below it.
+        At least three readings off the surface must confirm the end.
+
+        Args:
+            gap: path length that must be off the surface [m].
+            blindly: whether echoes without a range confirm the end. Next to an edge the beam grazes the side face, and
+                such echoes are no proof.
         """
         ways, off = self.ways, self.dropped | self.lost
         counted = off if blindly else self.dropped

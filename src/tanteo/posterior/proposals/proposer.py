@@ -88,7 +88,7 @@ class SearchState:
 
     Attributes:
         objective: the part and the compiled problem, length scales, and points by which poses are refined.
-        effort: how much this round proposes.
+        effort: numbers of poses that the proposers make in this round.
         round: number of the round, from 0.
         rng: generator of all draws.
         pairs: pairs of points that are far apart ``(K, 2)``.

@@ -181,10 +181,16 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
 
 
 def covariance_of_samples(empirical: Covariances, curved: Covariances, ess: float, least: float) -> Covariances:
-    """Return a covariance from that of the samples and that of the curvature at the maximum.
+    """Return the covariance of a mode: a mean of those of its samples and of the curvature at its maximum.
 
     Few samples miss some of six directions. On average the inverse of their covariance is too large, so regions of a
     stated probability would hold less (Hartlap, Simon and Schneider 2007).
+
+    Args:
+        empirical: covariance of the weighted samples ``(6, 6)``.
+        curved: covariance from the curvature at the maximum ``(6, 6)``.
+        ess: effective number of samples; it weights the empirical covariance.
+        least: smallest variance in any direction, as a fraction of the curved one.
     """
     trust = ess / (ess + POSE_DOF)
     L = roots(curved[None])[0]

@@ -149,7 +149,7 @@ def status_of(
 
     Args:
         names: names of the sensors.
-        undetermined: what the log does not determine, of all sensors.
+        undetermined: directions of the sensors' poses that the log does not determine.
         lost: whether the beam of each sensor has no place at all.
     """
     if any(lost):

@@ -131,7 +131,7 @@ class DirectionsQuestion(Finding):
     """Directions lead out of the material.
 
     Attributes:
-        share: fraction of the readings whose direction does.
+        share: fraction of the readings whose direction leads out of the material.
     """
 
     kind: ClassVar[str] = "directions"
