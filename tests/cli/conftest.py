@@ -52,17 +52,30 @@ def stl(triangles):
     return "\n".join([*lines, "endsolid made", ""])
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def wedge():
     """A 60 x 40 x 30 mm block with one slanted side: no symmetry [mm]."""
-    return prism([(0, 0), (60, 0), (45, 40), (0, 40)], 30)
+    triangles = prism([(0, 0), (60, 0), (45, 40), (0, 40)], 30)
+    triangles.setflags(write=False)
+    return triangles
+
+
+def parts_folder(where, wedge):
+    """Make a folder with two parts in millimetres."""
+    folder = where / "parts"
+    folder.mkdir()
+    (folder / "wedge.stl").write_text(stl(wedge))
+    (folder / "block.stl").write_text(stl(prism([(0, 0), (90, 0), (90, 50), (0, 50)], 20)))
+    return folder
 
 
 @pytest.fixture
 def parts(tmp_path, wedge):
     """A folder with two parts in millimetres."""
-    folder = tmp_path / "parts"
-    folder.mkdir()
-    (folder / "wedge.stl").write_text(stl(wedge))
-    (folder / "block.stl").write_text(stl(prism([(0, 0), (90, 0), (90, 50), (0, 50)], 20)))
-    return folder
+    return parts_folder(tmp_path, wedge)
+
+
+@pytest.fixture(scope="module")
+def module_parts(tmp_path_factory, wedge):
+    """The same folder, for tests of one module that do not change it."""
+    return parts_folder(tmp_path_factory.mktemp("made"), wedge)

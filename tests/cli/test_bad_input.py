@@ -251,8 +251,19 @@ PARTS = [
 ]
 
 
-@pytest.mark.parametrize("command", ["identify", "locate", "show"])
-@pytest.mark.parametrize(("name", "content", "message"), [c[1:] for c in PARTS], ids=[c[0] for c in PARTS])
+COMMANDS = [("identify", PARTS, ()), *((c, PARTS[1:2], ()) for c in ("locate", "show"))]
+COMMANDS += [(c, PARTS[:1] + PARTS[2:], pytest.mark.slow) for c in ("locate", "show")]
+"""Commands, parts that they refuse, and marks: two more commands with one part are quick, with all are slow."""
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message", "command"),
+    [
+        pytest.param(*case, command, id=f"{title}-{command}", marks=marks)
+        for command, cases, marks in COMMANDS
+        for title, *case in cases
+    ],
+)
 def test_parts_refused(run, tmp_path, wedge, name, content, message, command):
     path = tmp_path / name
     if content is not None:

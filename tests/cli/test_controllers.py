@@ -145,7 +145,7 @@ def probe_log(log):
     return "".join(f"[PRB:{','.join(line.split()[:3])}:1]\nok\n" for line in log)
 
 
-@pytest.mark.parametrize("controller", ["linuxcnc", "grbl"])
+@pytest.mark.parametrize("controller", ["linuxcnc", pytest.param("grbl", marks=pytest.mark.slow)])
 def test_a_planned_program_finds_the_part_again(run, models, tmp_path, controller):
     """NEES of three placements is below the 1e-4 quantile of a chi-square of 18; the log is read unchanged."""
     log = tmp_path / "log.txt"

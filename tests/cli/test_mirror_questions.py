@@ -65,7 +65,13 @@ def test_readings_of_no_part_raise_no_question(run):
     assert "mirror" not in err
 
 
-@pytest.mark.parametrize("option", [["--pose-prior", "0,0,0mm 0,0,0deg +- 500mm 90deg"], ["--table", "0mm +- 500mm"]])
+@pytest.mark.parametrize(
+    "option",
+    [
+        ["--pose-prior", "0,0,0mm 0,0,0deg +- 500mm 90deg"],
+        pytest.param(["--table", "0mm +- 500mm"], marks=pytest.mark.slow),
+    ],
+)
 def test_where_the_place_is_known_nothing_is_mirrored(run, tmp_path, option):
     file = exchanged("step_15mm.csv", tmp_path / "r.csv")
     assert "mirror" not in run("locate", file, "--part", PART, *option).err
@@ -93,7 +99,7 @@ def bare(part, file, *, mirrored, seed, count=11):
     return file
 
 
-@pytest.mark.parametrize("seeds", [3, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [2, pytest.param(12, marks=pytest.mark.slow)])
 def test_a_better_mirror_image_raises_a_question(run, tmp_path, seeds):
     """With few touches one of a mirrored part's may pass for an outlier of the part."""
     part, offered = read_part(EXAMPLES / "parts/bracket_left.step"), 0

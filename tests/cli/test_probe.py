@@ -47,7 +47,9 @@ def probe(run, machine, *more):
     return run("probe", "--machine", machine, "--part", BLOCK, "--goal", "0.4mm", *more)
 
 
-@pytest.mark.parametrize(("kind", "frame"), [("grbl", "grbl:G55"), ("linuxcnc", "G55")])
+@pytest.mark.parametrize(
+    ("kind", "frame"), [("grbl", "grbl:G55"), pytest.param("linuxcnc", "G55", marks=pytest.mark.slow)]
+)
 def test_a_machine_at_an_address_gets_its_frame(run, cell, kind, frame, tmp_path, monkeypatch):
     fake, address = cell(kind)
     monkeypatch.setattr(sys, "stdin", io.StringIO("y\n"))
@@ -103,7 +105,7 @@ def test_a_session_is_followed_on_a_page(run, monkeypatch):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="other systems have no such signals")
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+@pytest.mark.parametrize("name", ["SIGTERM", pytest.param("SIGINT", marks=pytest.mark.slow)])
 def test_a_signal_stops_the_machine_and_keeps_the_readings(run, cell, name, tmp_path):
     fake, address = cell("grbl", 4.0)
     record = tmp_path / "run.json"

@@ -15,10 +15,10 @@ from tanteo.planning.start import at_pose
 from tanteo.posterior import prepare
 
 
-@pytest.fixture
-def session(parts):
+@pytest.fixture(scope="module")
+def session(module_parts):
     """A wedge, placed by readings without noise."""
-    target = prepare(read_part(parts / "wedge.stl", unit="mm", name="my wedge"))
+    target = prepare(read_part(module_parts / "wedge.stl", unit="mm", name="my wedge"))
     start = at_pose(target, np.eye(4), np.diag([3e-3, 3e-3, 3e-3, 0.05, 0.05, 0.05]) ** 2)
     session = Session(start, LASER, Sensing(sd=3e-4), stop=Stop(tolerance=3e-3, max_measurements=4))
     while isinstance(action := session.ask(), Action):
@@ -95,18 +95,23 @@ def test_another_answer_than_the_recorded_one_is_an_error(run, record):
     assert "hypotheses[0].probability" in done.err
 
 
-def test_parts_are_read_from_their_present_place(run, parts, record, tmp_path):
-    parts.rename(tmp_path / "elsewhere")
-    lost = run("replay", record)
-    assert lost.code == 1
-    assert "nothing there" in lost.err
-    assert "--parts" in lost.err
-    assert run("replay", "--parts", tmp_path / "elsewhere", record).code == 0
-    wedge = tmp_path / "elsewhere" / "wedge.stl"
-    wedge.write_text(wedge.read_text().replace("60", "61"))
-    changed = run("replay", record, "--parts", tmp_path / "elsewhere")
-    assert changed.code == 1
-    assert "another content" in changed.err
+def test_parts_are_read_from_their_present_place(run, module_parts, record, tmp_path):
+    elsewhere = module_parts.rename(tmp_path / "elsewhere")
+    try:
+        lost = run("replay", record)
+        assert lost.code == 1
+        assert "nothing there" in lost.err
+        assert "--parts" in lost.err
+        assert run("replay", "--parts", elsewhere, record).code == 0
+        wedge = elsewhere / "wedge.stl"
+        text = wedge.read_text()
+        wedge.write_text(text.replace("60", "61"))
+        changed = run("replay", record, "--parts", elsewhere)
+        wedge.write_text(text)
+        assert changed.code == 1
+        assert "another content" in changed.err
+    finally:
+        elsewhere.rename(module_parts)
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"schema": "tanteo.recognition/1"}'])

@@ -164,7 +164,7 @@ def test_an_interruption_keeps_the_record_of_the_readings(sense, run, tmp_path, 
     assert "given again to the last bit" in err
 
 
-@pytest.mark.parametrize("suffix", ["json", "csv"])
+@pytest.mark.parametrize("suffix", ["csv", pytest.param("json", marks=pytest.mark.slow)])
 def test_the_record_is_there_before_the_end(sense, tmp_path, monkeypatch, suffix):
     """A killed process or a power loss keeps all readings up to then."""
     record = tmp_path / f"session.{suffix}"

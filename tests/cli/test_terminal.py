@@ -65,14 +65,20 @@ def complete(line):
     return got.stdout.split()
 
 
-def test_completion_has_commands_options_and_presets():
+def test_completion_has_commands_options_and_presets(run, monkeypatch):
+    def completions(line):
+        monkeypatch.setenv("_TANTEO_COMPLETE", "complete_bash")
+        monkeypatch.setenv("COMP_WORDS", line)
+        monkeypatch.setenv("COMP_CWORD", str(len(line.split(" ")) - 1))
+        return run().out.split()
+
     assert {"identify", "locate", "sensor", "doctor"} <= set(complete("tanteo "))
-    assert complete("tanteo iden") == ["identify"]
-    assert "--report" in complete("tanteo locate --re")
-    assert "xarm" in complete("tanteo locate r.csv --robot xa")
-    assert "vl53l0x" in complete("tanteo identify r.csv --parts a b --sensor vl53l0")
     assert complete("tanteo plan --sensor keyence_il0") == ["keyence_il030"]
-    assert "xarm" in complete("tanteo sensor show xa")
+    assert completions("tanteo iden") == ["identify"]
+    assert "--report" in completions("tanteo locate --re")
+    assert "xarm" in completions("tanteo locate r.csv --robot xa")
+    assert "vl53l0x" in completions("tanteo identify r.csv --parts a b --sensor vl53l0")
+    assert "xarm" in completions("tanteo sensor show xa")
 
 
 @pytest.mark.parametrize(

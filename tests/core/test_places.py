@@ -47,7 +47,7 @@ def size_of(body):
 
 @pytest.mark.parametrize("make", MAKES)
 @pytest.mark.parametrize("name", BODIES)
-@pytest.mark.parametrize("facets", [0.4, 0.8, 2.5, 5])
+@pytest.mark.parametrize("facets", [0.8, *(pytest.param(n, marks=pytest.mark.slow) for n in (0.4, 2.5, 5))])
 def test_many_small_flats_agree_with_the_sum_over_all(name, make, facets):
     """Noise that is so many facets wide: places stand for one of them, for several, or for those far away."""
     body = BODIES[name]

@@ -82,11 +82,11 @@ def test_random_paths_are_judged_as_by_fine_sampling():
     rng = np.random.default_rng(8)
     boxes = [ForbiddenBox("a", np.array([0.05, 0.0, 0.1]), np.array([0.15, 0.1, 0.25]))]
     one, refused = limits(*boxes), 0
-    for _ in range(60):
+    for _ in range(20):
         here, goal = rng.uniform(LOW + 0.05, HIGH - 0.05, (2, 3))
         R0 = SO3.exp(rng.normal(0, 0.7, 3)) @ np.diag([1.0, -1.0, -1.0])
         turn = rng.normal(0, 0.7, 3)
-        s = np.linspace(0, 1, 3000)[:, None]
+        s = np.linspace(0, 1, 1500)[:, None]
         poses = SE3.from_parts(R0 @ SO3.exp(s * turn), here + s * (goal - here))
         smallest = one.workspace.of_body(TOOL, poses).min()
         reason = one.violation(here, goal, [R0, R0 @ SO3.exp(turn)])
@@ -94,7 +94,7 @@ def test_random_paths_are_judged_as_by_fine_sampling():
         assert reason or smallest >= 0
         if reason.endswith("of the tool"):
             assert smallest < 1e-3  # refused within one step of the limit at most
-    assert 10 < refused < 60
+    assert 3 < refused < 20
 
 
 def test_unknown_axes_are_no_orientation():

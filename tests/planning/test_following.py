@@ -54,7 +54,9 @@ def undecided():
     return part, T, readings, answer
 
 
-@pytest.mark.parametrize("name", ["bracket_left", "clamp", "housing"])
+@pytest.mark.parametrize(
+    "name", ["bracket_left", *(pytest.param(name, marks=pytest.mark.slow) for name in ("clamp", "housing"))]
+)
 def test_the_seventh_touch_decides_a_321_log(name):
     pytest.importorskip("OCP", reason="reading STEP needs tanteo[step]")
     part = tanteo.read_part(PARTS / f"{name}.step")

@@ -142,7 +142,7 @@ def every(blocks):
 
 
 @pytest.mark.parametrize("sized", [True, False])
-@pytest.mark.parametrize("face", [4, 0, 3, None])
+@pytest.mark.parametrize("face", [4, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 3)), None])
 @pytest.mark.parametrize("oriented", [True, False])
 def test_the_own_part_stays_in_and_most_drop_out(blocks, every, sized, face, oriented):
     left = []

@@ -92,7 +92,7 @@ def nearest(hypothesis):
 
 
 @pytest.mark.parametrize("of_mesh", [False, True])
-@pytest.mark.parametrize("k", range(len(BARS)))
+@pytest.mark.parametrize("k", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, len(BARS)))])
 def test_two_balls_and_a_face_locate_a_ball_bar(bars, tmp_path, k, of_mesh):
     parts = [as_mesh(part, tmp_path / f"{part.name}.stl") for part in bars] if of_mesh else bars
     answer = identify_features(balls(*BARS[k], rng=np.random.default_rng(k), convex=True), parts)

@@ -176,7 +176,7 @@ def test_points_alone_distinguish_parts_in_the_same_box(tmp_path):
     build_catalogue(tmp_path, tmp_path / "catalogue", unit="mm", workers=0)
     catalogue = open_catalogue(tmp_path / "catalogue")
     every, ranks = candidates.Candidates(catalogue), []
-    for row in range(0, 70, 7):
+    for row in range(0, 70, 14):
         part, own = catalogue[row], np.random.default_rng(row)
         a, b, c = part.vertices[part.triangles].transpose(1, 0, 2)
         areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)

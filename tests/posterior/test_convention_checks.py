@@ -47,7 +47,9 @@ def identified(parts, points, **columns):
 
 
 @pytest.mark.parametrize("aimed", [False, True])
-@pytest.mark.parametrize("name", SIZES)
+@pytest.mark.parametrize(
+    "name", [name if name == "flat" else pytest.param(name, marks=pytest.mark.slow) for name in SIZES]
+)
 def test_a_forgotten_radius_is_named_with_its_size(blocks, name, aimed):
     part = next(one for one in blocks if one.name == name)
     points, normals = touches(part, np.random.default_rng(3), RADIUS)
@@ -58,8 +60,9 @@ def test_a_forgotten_radius_is_named_with_its_size(blocks, name, aimed):
     assert abs(abs(found.offset) - RADIUS) < 5 * SD
 
 
-def test_a_part_that_is_in_no_file_has_no_offset(blocks):
-    for seed in range(6):
+@pytest.mark.parametrize("seeds", [2, pytest.param(6, marks=pytest.mark.slow)])
+def test_a_part_that_is_in_no_file_has_no_offset(blocks, seeds):
+    for seed in range(seeds):
         points, _ = touches(blocks[0], np.random.default_rng(seed))
         answer = identified(blocks[1:], points)
         assert not [one for one in answer.findings if isinstance(one, OffsetQuestion)]
@@ -82,9 +85,9 @@ def test_wrong_directions_are_named(blocks):
     assert found.mistake == "directions_wrong"
 
 
-@pytest.mark.parametrize("noise", [4, 8])
-def test_noise_is_no_offset_and_no_scale(blocks, noise):
-    for seed in range(4):
+@pytest.mark.parametrize(("noise", "seeds"), [(4, 1), *(pytest.param(n, 4, marks=pytest.mark.slow) for n in (4, 8))])
+def test_noise_is_no_offset_and_no_scale(blocks, noise, seeds):
+    for seed in range(seeds):
         rng = np.random.default_rng(seed)
         points, normals = touches(blocks[seed % 3], rng, n=12)
         answer = identified(blocks, points + noise * SD * rng.normal(size=points.shape), directions=-normals)

@@ -29,11 +29,12 @@ def drawn(start, part, rng):
     return start.Ts[part] @ SE3.exp(np.linalg.cholesky(start.covariances[part]) @ rng.normal(size=6))
 
 
-def test_the_true_part_is_kept_clear_of_for_a_mirror_belief(targets, start):
+@pytest.mark.parametrize("draws", [3, pytest.param(8, marks=pytest.mark.slow)])
+def test_the_true_part_is_kept_clear_of_for_a_mirror_belief(targets, start, draws):
     """Readings of the right bracket, and an assumption so wrong that all of the belief is on the left one."""
     rng, covered = np.random.default_rng(1), []
     wrong = replace(start, weights=np.array([1 - 2e-9, 1e-9, 1e-9]))
-    for _ in range(8):
+    for _ in range(draws):
         T = drawn(start, RIGHT, rng)
         few = scene(targets[RIGHT], T, SENSORS[1], 2, rng)[0]
         state = update(begin(wrong), few, no_paths())

@@ -93,7 +93,7 @@ def test_the_first_belief_is_that_of_the_image(twins, steps):
         assert state.unknown < 0.01
 
 
-@pytest.mark.parametrize("with_place", [False, True])
+@pytest.mark.parametrize("with_place", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_session_and_batch_give_the_same_answer(twins, steps, with_place):
     """Touches of an image's part, one after the other, or all of them at once: one posterior."""
     seen = part_seen(twins)
@@ -136,21 +136,22 @@ def test_touches_beside_an_image_of_something_else_find_the_part(twins, steps):
     assert np.linalg.norm(session.state.poses[0][:3, 3] - T[:3, 3]) < 3e-3
 
 
-def test_a_session_from_an_image_is_the_same_from_its_record(twins, steps, tmp_path):
+@pytest.mark.parametrize("with_place", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_a_session_from_an_image_is_the_same_from_its_record(twins, steps, tmp_path, with_place):
     seen = part_seen(twins)
     T = best_of(seen, "step_12mm").T_world_part
     place = T @ SE3.from_parts(np.eye(3), steps[0].part.centroid)
     probe = replace(LASER, approach=np.array([0.0, 0.0, -1.0]), cone=np.radians(80.0))
-    for rough in (None, at_place(steps, place, NARROW)):
-        session = Session(seen_start(seen, steps, rough), probe, Sensing(sd=3e-4))
-        action = session.ask()
-        session.tell(action.read(true_range(steps[0], T, action)))
-        file = tmp_path / "session.json"
-        write_record(session, file)
-        again = read_record(file, steps)
-        assert again.state.unknown == session.state.unknown
-        np.testing.assert_array_equal(again.state.poses, session.state.poses)
-        np.testing.assert_array_equal(again.state.weights, session.state.weights)
+    rough = at_place(steps, place, NARROW) if with_place else None
+    session = Session(seen_start(seen, steps, rough), probe, Sensing(sd=3e-4))
+    action = session.ask()
+    session.tell(action.read(true_range(steps[0], T, action)))
+    file = tmp_path / "session.json"
+    write_record(session, file)
+    again = read_record(file, steps)
+    assert again.state.unknown == session.state.unknown
+    np.testing.assert_array_equal(again.state.poses, session.state.poses)
+    np.testing.assert_array_equal(again.state.weights, session.state.weights)
 
 
 def test_factors_that_no_record_holds_are_refused(twins, steps, tmp_path):
