@@ -2,12 +2,12 @@
 #   make demo   runs the demo: an image, a few readings, an answer with its uncertainty, a report
 #   make test   runs lint, types, import contracts, the check of the language, and tests
 # make test-all also runs the slow tests: statistics over many scenes.
+# make lock writes the pins with hashes of requirements/ from constraints.txt.
 # make types prints the fraction of the interface that has types (at least 99 %).
 # make docs makes the site in build/docs; make core rebuilds the compiled core.
 # make oracles fetches other interpreters that some tests compare with, if available (Debian, PyPI).
 # make ros installs ROS 2 in an environment of its own, for the test of the node.
 # make fuzz reads ten thousand damaged files, and bends replies of controllers; COUNT and SEED choose others.
-# make lock writes the pins with hashes again, after a pin in constraints.txt has moved.
 # make wheel makes dist/tanteo-*.whl; make wheel-test installs and runs it elsewhere; make sanitize runs tests/core with sanitizers.
 PYTHON ?= python3
 VENV   ?= .venv

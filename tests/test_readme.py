@@ -114,7 +114,7 @@ def test_make_has_the_targets(target, tmp_path):
         ["make", "-n", target, f"VENV={tmp_path / 'venv'}"], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert "-c constraints.txt" in done.stdout
+    assert "--require-hashes" in done.stdout
 
 
 def test_ci_runs_the_test_command():
