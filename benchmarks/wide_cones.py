@@ -1,12 +1,14 @@
-"""Parts sensed by wide cones: ``python benchmarks/wide_cones.py [scenes] [seed]``.
+"""Parts sensed by wide cones: ``python benchmarks/wide_cones.py --scenes 40``.
 
 A range is computed from 4000 rays that fill the cone, by what a device reports of it; this shares no code with the
-factor of a cone. Each response is inferred with its cone, and with the beam taken for a thin one. The pose is known to
-20 mm and 15 degrees; the part is one of eight.
+factor of a cone. Each response is inferred with its cone; ``--as thin`` takes the beam for a thin one, ``--as mean``
+states another response than that of the device, and ``--as unknown`` none. The pose is known to 20 mm and 15 degrees;
+the part is one of eight.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from dataclasses import replace
@@ -86,6 +88,9 @@ def scene(prepared, response, half_angle, count, rng):
 
 
 def rig_of(response, half_angle):
+    if response == "thin":
+        response, half_angle = "", np.radians(0.2)
+    response = "" if response == "unknown" else response
     sensor = RigSensor("cone", np.eye(4), None, SD, half_angle, 1.0, 0.0, np.zeros((6, 6)), response=response)
     return Rig((sensor,))
 
@@ -105,47 +110,46 @@ def judged(answer, own, T):
 
 
 def main():
-    scenes, seed = (int(x) for x in (sys.argv[1:] + ["40", "0"][len(sys.argv) - 1 :])[:2])
-    responses = [one for one in sys.argv[3:] if one != "-v"] or RESPONSES
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--scenes", type=int, default=40)
+    options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--response", choices=RESPONSES, action="append")
+    options.add_argument("--as", dest="stated", choices=(*RESPONSES, "own", "unknown", "thin"), action="append")
+    options.add_argument("--verbose", action="store_true", help="one line for each scene")
+    asked = options.parse_args()
     columns = ("response", "as", "told", "right", "decided", "wrong above 95 %", "region holds", "s CPU")
-    table = Table("Wide cones", f"{scenes} scenes each.", columns, [])
-    for response in responses:
-        rows = {"cone": [], "thin": []}
-        for k in range(scenes):
-            rng = np.random.default_rng((seed, k))
-            own = catalogue()[k % len(PARTS)]
-            half_angle, count = np.radians(rng.uniform(2, 20)), int(rng.integers(5, 26))
-            readings, T, prior = scene(own, response, half_angle, count, rng)
-            for name, rig in (("cone", rig_of(response, half_angle)), ("thin", rig_of(response, np.radians(0.2)))):
+    table = Table("Wide cones", f"{asked.scenes} scenes each.", columns, [])
+    for response in asked.response or RESPONSES:
+        for stated in asked.stated or ("own",):
+            found = []
+            for k in range(asked.scenes):
+                rng = np.random.default_rng((asked.seed, k))
+                own = catalogue()[k % len(PARTS)]
+                half_angle, count = np.radians(rng.uniform(2, 20)), int(rng.integers(5, 26))
+                readings, T, prior = scene(own, response, half_angle, count, rng)
+                rig = rig_of(response if stated == "own" else stated, half_angle)
                 start = time.process_time()
                 answer = tanteo.identify(
                     readings, [one.part for one in catalogue()], rig=rig, priors=replace(Priors(), pose=prior)
                 )
-                spent = time.process_time() - start
-                rows[name].append((*judged(answer, own, T), spent))
-                if "-v" in sys.argv:
+                found.append((*judged(answer, own, T), time.process_time() - start))
+                if asked.verbose:
+                    P, right, covers, _, spent = found[-1]
                     print(
-                        response,
-                        name,
-                        k,
-                        own.part.name,
-                        round(np.degrees(half_angle), 1),
-                        count,
-                        rows[name][-1],
-                        answer.status,
+                        f"{response} as {stated} {k}: {own.part.name}, {np.degrees(half_angle):.1f} deg, "
+                        f"{count} ranges: {answer.status}, {P:.4f}, {right=!s}, {covers=!s}, {spent:.1f} s",
                         flush=True,
                     )
-        for name, found in rows.items():
             P, right, covers, decided, spent = (list(x) for x in zip(*found, strict=True))
             covers = [h for h in covers if h is not None]
             wrong = sum(p > 0.95 and d and not r for p, r, d in zip(P, right, decided, strict=True))
             table.rows.append(
                 (
-                    response, name, f"{np.mean(P):.3f}", f"{np.mean(right):.3f}", str(sum(decided)), str(wrong),
+                    response, stated, f"{np.mean(P):.3f}", f"{np.mean(right):.3f}", str(sum(decided)), str(wrong),
                     f"{sum(covers)} of {len(covers)}", f"{np.mean(spent):.2f}",
                 )
             )  # fmt: skip
-        print(table.markdown(), flush=True)
+            print(table.markdown(), flush=True)
 
 
 if __name__ == "__main__":

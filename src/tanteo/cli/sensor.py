@@ -144,14 +144,23 @@ def fit(
         args.option("--robot", "PRESET", "Preset of the robot that moved the hand.", autocompletion=typed.robot_names),
     ] = None,
     units: args.Units = None,
+    target: Annotated[
+        str | None,
+        args.option(
+            "--target",
+            "TARGET",
+            "What all readings are on: 'plane POSE +- 0.2mm 0.1deg', 'ball 12mm@X,Y,Z +- 0.1mm', "
+            "'point X,Y,Z +- 0.1mm', 'part FILE@POSE +- 0.2mm 0.1deg'.",
+        ),
+    ] = None,
     write: Annotated[str | None, args.option("--write", "FILE", "Write the calibrated rig (TOML).")] = None,
     picture: Picture = None,
     json: args.Json = False,
     verbose: Annotated[bool, args.option("--verbose -v", None, "Print more details.")] = False,
 ) -> None:
-    """Calibrate a rig from readings of flat surfaces.
+    """Calibrate a rig from readings of flat surfaces, of a known target, or at known distances.
 
-    Estimates beams, noise and bias. The surfaces may be anywhere; the poses of the hand are known.
+    Estimates beams, noise and bias. Flat surfaces may be anywhere. A column true_distance_mm replaces hand poses.
     """
     from tanteo.sensors import calibrate
     from tanteo.sensors.presets import robot_preset, sensor_preset
@@ -161,15 +170,17 @@ def fit(
     files.check_different(("--write", write), ("--picture", picture), inputs=[("the log", log)])
     files.check_different(("--picture", picture), inputs=[("--rig", rig)])
     with misuse():
+        known = None if target is None else io.poses.parse_target(target, units, "--target")
         unlike = None if sensor is None else sensor_preset(sensor)
         errors = None if robot is None else robot_preset(robot)
     nominal = None if rig is None else files.read_rig(rig, sensor)
     readings, _ = read_file(log, file, units, nominal, sensor)
     with misuse():
-        found = calibrate(readings, rig=nominal, sensor=unlike, robot=errors)
+        found = calibrate(readings, rig=nominal, sensor=unlike, robot=errors, target=known)
     calibrated = found.status == "calibrated"
     if write is not None and calibrated:
-        _write(found, nominal, unlike, log, write)
+        with misuse():
+            _write(found, nominal, unlike, log, write)
     if picture is not None:
         from tanteo.render.pictures import coverage_picture
 

@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     from tanteo.sensors.readings import Readings
 
 _COLUMNS = (
-    "points", "directions", "normals", "normal_sds", "sds", "across_sds", "Ts_world_hand", "ranges", "max_ranges",
-    "hole_radii", "half_angles",
+    "points", "directions", "normals", "normal_sds", "sds", "across_sds", "Ts_world_hand", "ranges",
+    "true_distances", "max_ranges", "hole_radii", "half_angles",
 )  # fmt: skip
 _SIDES = "", "hole", "boss"
 
 _POSITIVE = {
-    "normal_sds": "rad", "sds": "m", "across_sds": "m", "ranges": "m", "max_ranges": "m", "hole_radii": "m",
-    "half_angles": "rad",
+    "normal_sds": "rad", "sds": "m", "across_sds": "m", "ranges": "m", "true_distances": "m", "max_ranges": "m",
+    "hole_radii": "m", "half_angles": "rad",
 }  # fmt: skip
 
-_LENGTHS = "points", "ranges", "max_ranges", "hole_radii", "sds", "across_sds"
+_LENGTHS = "points", "ranges", "true_distances", "max_ranges", "hole_radii", "sds", "across_sds"
 
 
 def check_readings(readings: Readings) -> None:
@@ -216,7 +216,7 @@ def _check_located(readings: Readings) -> None:
     """Check that every row has a point, or a range with hand pose; a free-space ray also needs direction and length."""
     has_hand = readings.Ts_world_hand.given
     by_rig = has_hand & np.fromiter(map(bool, readings.sensors), dtype=bool, count=len(readings))
-    ranged = by_rig & readings.ranges.given
+    ranged = (by_rig | readings.true_distances.given) & readings.ranges.given
     if who := _first_bad(readings, ~readings.is_free & ~readings.points.given & ~ranged):
         raise ReadingsError(
             f"reading {who}: expected a point (x, y, z) or a range with sensor and hand pose, got neither. Fill one."

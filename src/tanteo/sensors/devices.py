@@ -194,6 +194,11 @@ def place(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> P
     has_point = readings.points.given
     by_rig = ~has_point & mounted & readings.Ts_world_hand.given
     lost = np.flatnonzero(~has_point & ~by_rig)
+    if len(lost) and readings.true_distances.given[lost[0]]:
+        raise InputError(
+            f"reading '{readings.ids[lost[0]]}': expected where the hand was, got a known distance, which only "
+            "calibrates the sensor (tanteo sensor fit). Add the hand_ columns."
+        )
     if len(lost):
         raise InputError(
             f"rig: expected it to say where sensor '{readings.sensors[lost[0]]}' of reading "

@@ -85,7 +85,8 @@ def filled_kinds(kinds: Sequence[str] | None, free: BoolArray, n: int) -> tuple[
 
 _COLUMNS = {
     "points": (3,), "directions": (3,), "normals": (3,), "normal_sds": (), "sds": (), "across_sds": (),
-    "Ts_world_hand": (4, 4), "ranges": (), "max_ranges": (), "hole_radii": (), "half_angles": (),
+    "Ts_world_hand": (4, 4), "ranges": (), "true_distances": (), "max_ranges": (), "hole_radii": (),
+    "half_angles": (),
 }  # fmt: skip
 """Columns that only some readings have, with the shape of their quantity."""
 
@@ -121,6 +122,7 @@ class Readings(Value):
             sign. The normal of an ``apex`` is the axis into the cone. Centres and apexes have no tip radius.
         Ts_world_hand: poses of the hand at the readings ``(n, 4, 4)`` [m].
         ranges: reported ranges along the beam ``(n,)`` [m].
+        true_distances: known distances from the device to a surface across its axis ``(n,)`` [m], for a calibration.
         sensors: names of the rig's sensors that measured the ranges.
         is_free: mask of beams that hit nothing (status ``none``) ``(n,)``.
         max_ranges: free lengths of free-space rays ``(n,)`` [m].
@@ -153,6 +155,7 @@ class Readings(Value):
     kinds: tuple[str, ...]
     Ts_world_hand: Column
     ranges: Column
+    true_distances: Column
     sensors: tuple[str, ...]
     is_free: BoolArray
     max_ranges: Column
@@ -217,6 +220,7 @@ class Readings(Value):
         kinds: Sequence[str] | None = None,
         Ts_world_hand: Column | Transforms | None = None,
         ranges: Column | FloatArray | None = None,
+        true_distances: Column | FloatArray | None = None,
         sensors: Sequence[str] | None = None,
         is_free: BoolArray | None = None,
         max_ranges: Column | FloatArray | None = None,
@@ -250,6 +254,7 @@ class Readings(Value):
             kinds: kinds of the readings, see the class; None for ``point``.
             Ts_world_hand: poses of the hand ``(n, 4, 4)`` [m].
             ranges: reported ranges ``(n,)`` [m].
+            true_distances: known distances from the device to a surface across its axis ``(n,)`` [m].
             sensors: names of the sensors.
             is_free: mask of beams that hit nothing ``(n,)``.
             max_ranges: free lengths of free-space rays ``(n,)`` [m].
@@ -276,8 +281,9 @@ class Readings(Value):
         columns: dict[str, Any] = {
             "points": points, "directions": unit_vectors("directions", directions),
             "normals": unit_vectors("normals", normals), "normal_sds": normal_sds, "sds": sds,
-            "across_sds": across_sds, "Ts_world_hand": Ts_world_hand, "ranges": ranges, "max_ranges": max_ranges,
-            "hole_radii": hole_radii, "half_angles": half_angles,
+            "across_sds": across_sds, "Ts_world_hand": Ts_world_hand, "ranges": ranges,
+            "true_distances": true_distances, "max_ranges": max_ranges, "hole_radii": hole_radii,
+            "half_angles": half_angles,
         }  # fmt: skip
         return cls(
             ids=tuple(map(str, range(1, n + 1))) if ids is None else names_of(ids),

@@ -42,10 +42,16 @@ def calibration_document(found: Calibration) -> dict[str, Any]:
         }
         for s in found.outliers
     ]  # fmt: skip
+    target = found.target and {
+        "frame": "world", "matrix": found.target.T_world_target, "rms_m": found.target.rms,
+        "covariance": {"order": "x y z rx ry rz", "frame": "target", "matrix": found.target.cov},
+        "places": found.target.stations,
+    }  # fmt: skip
     return dict(strict({
         "schema": "tanteo.calibration/1", "status": found.status, "message": found.message,
         "devices": [_device(d) for d in found.devices],
-        "beams": [_beam(b) for b in found.beams], "planes": planes, "places": places, "outliers": outliers,
+        "beams": [_beam(b) for b in found.beams], "planes": planes, "target": target, "places": places,
+        "outliers": outliers,
     }))  # fmt: skip
 
 

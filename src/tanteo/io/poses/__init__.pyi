@@ -8,6 +8,7 @@ from .prior_text import parse_box as parse_box
 from .prior_text import parse_pose_prior as parse_pose_prior
 from .prior_text import parse_table as parse_table
 from .prior_text import read_furniture as read_furniture
+from .target_text import parse_target as parse_target
 from .work_frames import WorkFrame as WorkFrame
 from .work_frames import WrittenFrame as WrittenFrame
 from .work_frames import parse_work_frame as parse_work_frame

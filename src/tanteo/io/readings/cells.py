@@ -28,7 +28,17 @@ _LARGEST_TIP = 1.0
 _SHORTEST, _LONGEST = 1e-9, 1e9
 """Smallest and largest accepted length of a direction vector; its square must stay in range."""
 
-_POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd", "hole_radius", "hole_diameter", "half_angle")
+_POSITIVE = (
+    "sd",
+    "across_sd",
+    "range",
+    "true_distance",
+    "max",
+    "normal_sd",
+    "hole_radius",
+    "hole_diameter",
+    "half_angle",
+)
 _QUATERNION_SLACK = 1e-3
 _UNIT_RIGHT = "is the unit in the column's name right?"
 

@@ -12,11 +12,20 @@ from tanteo.io.readings.brands import BRANDS
 from tanteo.io.readings.hand_columns import ANGLES as HAND_ANGLES
 from tanteo.io.readings.hand_columns import NOTATIONS, PLACE, Notation, as_hand, notation_of
 from tanteo.io.readings.hand_columns import PLAIN as HAND_PLAIN
-from tanteo.io.readings.headers import advice, advice_on_size, canonical, is_unrelated, with_group, with_id, with_unit
+from tanteo.io.readings.headers import (
+    advice,
+    advice_on_size,
+    canonical,
+    is_unrelated,
+    with_group,
+    with_id,
+    with_true_distance,
+    with_unit,
+)
 from tanteo.io.readings.units import ANGLE_UNITS, LENGTH_UNITS
 
 LENGTHS = (
-    "x", "y", "z", "radius", "sd", "across_sd", "range", "max", "hand_x", "hand_y", "hand_z",
+    "x", "y", "z", "radius", "sd", "across_sd", "range", "true_distance", "max", "hand_x", "hand_y", "hand_z",
     "hole_radius", "hole_diameter",
 )  # fmt: skip
 PLAIN = ("dx", "dy", "dz", "nx", "ny", "nz", "i", "j", "k", *HAND_PLAIN)
@@ -124,7 +133,7 @@ def read_header(
     if any("|" in name for name in written):
         shown = show(" ".join(written))
         raise ReadingsError(f"{place}: expected commas between columns, got '{shown}'. Write it comma-separated.")
-    names = as_hand(with_group(with_id([canonical(name) for name in written])))
+    names = as_hand(with_true_distance(with_group(with_id([canonical(name) for name in written]))))
     names = [with_unit(name, unit) for name, unit in zip(names, below, strict=True)] if below else names
     notation = notation_of(names)
     own = {name: _brand_unit(name, brand, notation) for name in names}
@@ -228,7 +237,9 @@ def _check_groups(columns: dict[str, Column], place: str, *, placed: bool) -> No
                 f"{place}: expected {', '.join(group)} together, got only {have}. Add {', '.join(missing)} (with unit "
                 f"where it is a length or an angle).{instead}"
             )
-    needed = {"range", "sensor"} if placed else {"range", "sensor", "hand_x"}
+    needed = (
+        {"range"} if "true_distance" in columns else {"range", "sensor"} if placed else {"range", "sensor", "hand_x"}
+    )
     if "x" not in columns and not needed <= columns.keys() and _lacks_points(columns):
         raise ReadingsError(
             f"{place}: expected x_mm, y_mm, z_mm (or range_mm, sensor and the hand_ columns), got "

@@ -108,6 +108,13 @@ def is_unrelated(name: str) -> bool:
     return len(name) <= _LONGEST and _BESIDE.fullmatch(name) is not None
 
 
+_TRUE_DISTANCES = (
+    "distance", "true", "true_range", "actual", "actual_distance", "real_distance", "reference", "reference_distance",
+    "ground_truth", "gt", "known_distance", "dist_to_plane",
+)  # fmt: skip
+"""Definition: names of the known distance beside a range."""
+
+
 def with_id(names: list[str]) -> list[str]:
     """Return column names in which the first of ``No``, ``Point``, ... becomes ``id``, unless there is an ``id``.
 
@@ -130,6 +137,20 @@ def with_group(names: list[str]) -> list[str]:
     if "group" in names or first is None:
         return names
     return ["group" if name == first else name for name in names]
+
+
+def with_true_distance(names: list[str]) -> list[str]:
+    """Return column names in which a distance beside a range becomes ``true_distance``, which the row states twice.
+
+    Args:
+        names: canonical column names.
+    """
+    bare = [_without_unit(name) for name in names]
+    found = [k for k, name in enumerate(bare) if name in _TRUE_DISTANCES]
+    if "range" not in bare or "true_distance" in bare or len(found) != 1:
+        return names
+    k = found[0]
+    return [*names[:k], "true_distance" + names[k][len(bare[k]) :], *names[k + 1 :]]
 
 
 def with_unit(name: str, unit: str) -> str:

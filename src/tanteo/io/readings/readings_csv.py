@@ -178,7 +178,12 @@ def write_readings(readings: Readings, path: str | Path, *, unit: str = "mm", an
     columns[f"normal_sd_{angle_unit}"] = _cells(readings.normal_sds, radians)
     radii = Column.from_rows(readings.radii, readings.radii > 0)
     lengths = {"radius": radii, "sd": readings.sds, "across_sd": readings.across_sds}
-    lengths |= {"range": readings.ranges, "max": readings.max_ranges, "hole_radius": readings.hole_radii}
+    lengths |= {
+        "range": readings.ranges,
+        "true_distance": readings.true_distances,
+        "max": readings.max_ranges,
+        "hole_radius": readings.hole_radii,
+    }
     columns |= {f"{name}_{unit}": _cells(values, metres) for name, values in lengths.items()}
     columns[f"half_angle_{angle_unit}"] = _cells(readings.half_angles, radians)
     hands = readings.Ts_world_hand.map(

@@ -16,6 +16,7 @@ from tanteo.words.sentences import parameter_words
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray
     from tanteo.sensors.calibration import BeamFit, Calibration, DeviceFit, Outlier
+    from tanteo.sensors.calibration.result import TargetFit
 
 _MOST_OUTLIERS = 12
 _RANGES, _ANGLE_STEP = 6, 15.0
@@ -30,14 +31,21 @@ def calibration_lines(found: Calibration, *, verbose: bool = False, layout: Layo
         layout: width and style of the output.
     """
     readings = int(np.sum(found.log.station >= 0))
-    planes = f"{len(found.planes)} plane{'s' if len(found.planes) > 1 else ''}"
+    planes = f"{len(found.planes)} plane{'s' if len(found.planes) > 1 else ''}" if found.planes else "the target"
+    by_distances = bool(found.log.readings.true_distances.given.any())
+    planes = "known distances" if by_distances else planes
     head = f"{found.status}: {readings} readings at {len(found.log)} places on {planes}"
     lines = [layout.bold(head), f"  {printable(found.message)}"]
     for k, device in enumerate(found.devices):
         first = found.beams[int(np.argmax(found.log.device == k))]
-        lines += ["", *(_beam_lines(first, layout) if device.zones == 1 else _zone_lines(device, first, layout))]
+        own = _beam_lines(first, layout) if device.zones == 1 else _zone_lines(device, first, layout)
+        lines += ["", *(_distance_lines(device, first, layout) if by_distances else own)]
         lines += _determined_lines(device)
-    lines += ["", *_plane_table(found, layout), "", *_coverage_table(found, layout)]
+    if found.target is None:
+        lines += ["", *_plane_table(found, layout)]
+    elif not by_distances:
+        lines += ["", *_target_lines(found.target)]
+    lines += ["", *_coverage_table(found, layout)]
     return [*lines, "", *_outlier_lines(found.outliers, verbose=verbose)]
 
 
@@ -68,6 +76,18 @@ def _beam_lines(beam: BeamFit, layout: Layout) -> list[str]:
     else:
         lines.append("  repeats     none: the line above contains the difference between readings of one place")
     return lines
+
+
+def _distance_lines(device: DeviceFit, beam: BeamFit, layout: Layout) -> list[str]:
+    """Return what known distances determine of a device: offset, scale and noise."""
+    offset, scale, sds = device.values[0], device.values[1], np.sqrt(np.diag(device.cov))
+    place = _with_sd(beam.place_sds, beam.place_cov, (1e3, 100.0, 1.0))
+    return [
+        layout.bold(f"sensor {printable(device.name)}"),
+        f"  offset      reads {1e3 * offset:+.2f} mm, sd {1e3 * sds[6]:.2g} mm",
+        f"  scale       reads {1 + scale:.4f} times the range, sd {sds[7]:.2g}",
+        f"  places      sd {place[0]} mm, {place[1]} % of the range: from place to place",
+    ]
 
 
 def _zone_lines(device: DeviceFit, beam: BeamFit, layout: Layout) -> list[str]:
@@ -113,11 +133,21 @@ def _with_sd(sds: FloatArray, cov_of_squares: FloatArray, units: Sequence[float]
     out = []
     for sd, variance, unit in zip(sds, np.diag(cov_of_squares), units, strict=True):
         spread = math.sqrt(max(float(variance), 0.0))
-        if sd**2 > spread:
+        if math.isnan(sd):
+            out.append("not determined")
+        elif sd**2 > spread:
             out.append(f"{unit * sd:.3g} +- {unit * spread / (2 * sd):.1g}")
         else:
             out.append(f"below {unit * math.sqrt(sd**2 + 1.645 * spread):.2g}")
     return out
+
+
+def _target_lines(target: TargetFit) -> list[str]:
+    T, sds = target.T_world_target, np.sqrt(np.diag(target.cov))
+    return [
+        f"target at ({_values(1e3 * T[:3, 3], 2)}) mm, sd ({_values(1e3 * sds[:3], 2)}) mm; "
+        f"rms {1e3 * target.rms:.2f} mm at {target.stations} places"
+    ]
 
 
 def _plane_table(found: Calibration, layout: Layout) -> list[str]:

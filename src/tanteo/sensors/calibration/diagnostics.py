@@ -11,7 +11,7 @@ from scipy.linalg import qr
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray
 from tanteo.sensors.calibration.fit import Fit
-from tanteo.sensors.calibration.geometry import BEAM, PLANE, WEAK, predict
+from tanteo.sensors.calibration.geometry import BEAM, FIXED, PLANE, WEAK, predict
 from tanteo.sensors.calibration.log import PlaneLog
 from tanteo.words.findings import BeamsUndetermined, Calibrated, Undetermined
 
@@ -124,11 +124,14 @@ def is_lost(cov: FloatArray) -> bool:
 
 
 def _unmoved(cov: FloatArray, prior: FloatArray, n: int) -> FloatArray:
-    """Return the directions whose variance is about that of the prior ``(n, k)``."""
-    L = np.linalg.cholesky(prior[:n, :n])
-    whitened = np.linalg.solve(L, np.linalg.solve(L, cov[:n, :n]).T)
+    """Return the directions whose variance is about that of the prior, without fixed parameters ``(n, k)``."""
+    open_ = np.flatnonzero(np.diag(prior)[:n] > (10 * FIXED) ** 2)
+    L = np.linalg.cholesky(prior[np.ix_(open_, open_)])
+    whitened = np.linalg.solve(L, np.linalg.solve(L, cov[np.ix_(open_, open_)]).T)
     values, vectors = np.linalg.eigh(0.5 * (whitened + whitened.T))
-    return np.asarray(vectors[:, values > _UNDETERMINED])
+    out = np.zeros((n, int(np.sum(values > _UNDETERMINED))))
+    out[open_] = vectors[:, values > _UNDETERMINED]
+    return out
 
 
 def _plain(vectors: FloatArray) -> FloatArray:
@@ -143,7 +146,7 @@ def _plain(vectors: FloatArray) -> FloatArray:
 
 
 def status_of(
-    names: Sequence[str], undetermined: Sequence[Undetermined], lost: Sequence[bool]
+    names: Sequence[str], undetermined: Sequence[Undetermined], lost: Sequence[bool], *, by_distances: bool = False
 ) -> tuple[str, Calibrated | BeamsUndetermined]:
     """Return the status of a calibration and its verdict.
 
@@ -151,7 +154,8 @@ def status_of(
         names: names of the sensors.
         undetermined: directions of the sensors' poses that the log does not determine.
         lost: whether the beam of each sensor has no place at all.
+        by_distances: whether the log has known distances, not poses of the hand.
     """
     if any(lost):
-        return "insufficient", BeamsUndetermined(tuple(undetermined))
-    return "calibrated", Calibrated(tuple(names), tuple(undetermined))
+        return "insufficient", BeamsUndetermined(tuple(undetermined), by_distances)
+    return "calibrated", Calibrated(tuple(names), tuple(undetermined), by_distances)

@@ -10,7 +10,7 @@ import numpy as np
 
 from tanteo.geometry import maximize
 from tanteo.geometry.typing import FloatArray
-from tanteo.sensors.calibration.geometry import Prediction, Prior, Setup, facing, predict
+from tanteo.sensors.calibration.geometry import Prediction, Prior, Setup, aimed, facing, predict
 from tanteo.sensors.calibration.log import PlaneLog, mixture_log_likelihood, outlier_probabilities
 from tanteo.sensors.calibration.noise import PlaceLaw, first_law, law_step, place_basis
 
@@ -42,8 +42,8 @@ class Fit:
         cov: covariance of all parameters ``(size, size)``.
         evidence: log evidence of the stations under the mixture, by Laplace's method over the setup; comparable between
             fits of one log.
-        gain: log likelihood minus that of uniformly distributed readings, minus one for each parameter (Akaike's
-            criterion); below zero the log contains no information.
+        gain: log likelihood minus that of uniformly distributed readings, minus one for each effective parameter
+            (Akaike's criterion); below zero the log contains no information.
         converged: whether the iteration converged.
     """
 
@@ -106,9 +106,11 @@ def _linearized(state: tuple[Setup, PlaceLaw], log: PlaneLog, prior: Prior) -> t
     hat = np.sum((unit @ np.linalg.inv(np.eye(n) + prior.root.T @ information @ prior.root)) * unit, axis=1)
     step, curvature = law_step(law, log, residuals, weights, basis, hat)
     H = np.diag(np.concatenate([np.zeros(n), curvature]))
-    H[:n, :n] = information + prior.precision
-    g = np.concatenate([weighted.T @ residuals - prior.precision @ prior.deviation(setup), curvature * step])
-    return H, g
+    off, aims = aimed(setup, log)
+    aims_weighted = aims.T * np.repeat(weights, 2)[: len(off)]
+    H[:n, :n] = information + aims_weighted @ aims + prior.precision
+    pull = weighted.T @ residuals - aims_weighted @ off - prior.precision @ prior.deviation(setup)
+    return H, np.concatenate([pull, curvature * step])
 
 
 def _moved(state: tuple[Setup, PlaceLaw], step: FloatArray) -> tuple[Setup, PlaceLaw]:
@@ -124,18 +126,22 @@ def _result(setup: Setup, log: PlaneLog, prior: Prior, law: PlaceLaw, converged:
     v = law.variances(log, place_basis(log.ranges, now.incidences))
     outlier = _outlier_probabilities(log, residuals, v)
     J = now.jacobian
-    cov = _covariance((J * ((1 - outlier) / v)[:, None]).T @ J, prior)
+    off, aims = aimed(setup, log)
+    good = np.repeat(1 - outlier, 2)[: len(off)]
+    cov = _covariance((J * ((1 - outlier) / v)[:, None]).T @ J + (aims.T * good) @ aims, prior)
     likelihood = sum(
         mixture_log_likelihood(residuals[mine], v[mine], log.widths[k])
         for k in range(len(log.devices))
         if (mine := log.of == k).any()
     )
     deviation = prior.deviation(setup)
-    evidence = likelihood - 0.5 * float(deviation @ prior.precision @ deviation)
+    evidence = likelihood - 0.5 * float(deviation @ prior.precision @ deviation) - 0.5 * float(good @ off**2)
     evidence += 0.5 * float(np.linalg.slogdet(cov)[1] + np.linalg.slogdet(prior.precision)[1])
     chance = -float(np.sum(np.log(log.widths[log.of])))
-    # every parameter, variances as well, gains half a unit by fitting and as much again by luck (Akaike)
-    gain = likelihood - chance - setup.size - law.squares.size
+    # every parameter that the log determines, variances as well, gains half a unit by fitting and as much again by
+    # luck (Akaike; effective number of parameters of Spiegelhalter et al. 2002)
+    effective = setup.size - float(np.trace(prior.precision @ cov))
+    gain = likelihood - chance - effective - law.squares.size
     return Fit(setup, law, now, residuals, v, outlier, cov, evidence, gain, converged)
 
 

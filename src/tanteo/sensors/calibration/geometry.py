@@ -6,6 +6,8 @@ An offset of the range is equivalent to a shift of the origin along the beam, so
 
 A device has one mounting pose, offset, scale and slant, which all its beams share. The beams of a multi-zone device
 also have a common error of the field of view, and an offset each, with a prior.
+
+All readings of a log may be on one known target instead of planes (:mod:`tanteo.sensors.calibration.targets`).
 """
 
 from __future__ import annotations
@@ -16,8 +18,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.geometry import SE3, SO3
+from tanteo.geometry.limits import LARGEST
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
 from tanteo.sensors.calibration.log import PlaneLog
+from tanteo.sensors.calibration.targets import TARGET, Point, Surface, Target
 from tanteo.sensors.presets import SensorPreset
 from tanteo.sensors.rig import Rig, RigSensor
 
@@ -29,6 +33,9 @@ DEVICE = ("x", "y", "z", "turn x", "turn y", "turn z", "offset", "scale", "slant
 
 PLANE = ("tilt x", "tilt y", "shift")
 """Parameters of a plane in its own frame, whose z is the normal."""
+
+_POSE_ROWS = [3, 4, 2]
+"""Rows of the parameters of a plane in the body error of its pose; definition of :data:`PLANE`."""
 
 _TURNED = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -49,7 +56,9 @@ class Setup:
         zone_offsets: offsets of the zones beside their device's ``(k,)`` [m]; 0 for a device of one beam.
         T_device_beams: nominal poses of the beams in their device ``(k, 4, 4)`` [m].
         device: device of each beam ``(k,)``.
-        T_world_planes: poses of the planes, with z towards the sensors ``(p, 4, 4)`` [m].
+        T_world_planes: poses of the planes, with z towards the sensors ``(p, 4, 4)`` [m]; that of the target if there
+            is one.
+        surface: surface of the target; None for planes.
     """
 
     T_hand_devices: Transforms
@@ -61,6 +70,7 @@ class Setup:
     T_device_beams: Transforms
     device: IntArray
     T_world_planes: Transforms
+    surface: Surface | None = None
 
     @classmethod
     def of_beams(
@@ -86,12 +96,13 @@ class Setup:
 
     @property
     def parts(self) -> tuple[int, int, int]:
-        """Return the numbers of parameters of devices, zones and planes."""
-        return len(DEVICE) * len(self.offsets), len(self.zones), len(PLANE) * len(self.T_world_planes)
+        """Return the numbers of parameters of devices, zones and planes, or the target."""
+        own = PLANE if self.surface is None else TARGET
+        return len(DEVICE) * len(self.offsets), len(self.zones), len(own) * len(self.T_world_planes)
 
     @property
     def size(self) -> int:
-        """Return the number of parameters: ten a device, one a zone, three a plane."""
+        """Return the number of parameters: ten a device, one a zone, three a plane or six of a target."""
         return sum(self.parts)
 
     @property
@@ -134,9 +145,8 @@ class Setup:
         """
         own, zones, _ = self.parts
         devices = step[:own].reshape(-1, len(DEVICE))
-        planes = step[own + zones :].reshape(-1, len(PLANE))
-        tilt = np.zeros((len(planes), 6))
-        tilt[:, 3:5], tilt[:, 2] = planes[:, :2], planes[:, 2]
+        tilt = np.zeros((len(self.T_world_planes), 6))
+        tilt[:, _POSE_ROWS if self.surface is None else slice(None)] = step[own + zones :].reshape(len(tilt), -1)
         zone_offsets = np.array(self.zone_offsets)
         zone_offsets[self.zones] += step[own : own + zones]
         return replace(
@@ -198,10 +208,18 @@ def predict(setup: Setup, log: PlaneLog) -> Prediction:
     scales, slants = setup.scales[setup.device], setup.slants[setup.device]
     R, c = T[:, :3, :3], T[:, :3, 3]
     P = setup.T_world_planes[log.plane]
-    n = P[:, :3, 2]
+    passes = np.zeros(len(c), dtype=bool)
+    if setup.surface is None:
+        n = P[:, :3, 2]
+    else:
+        into = np.swapaxes(P[:, :3, :3], 1, 2)
+        origins, aims = (np.einsum("mij,mj->mi", into, v) for v in (c - P[:, :3, 3], R[:, :, 2]))
+        met, n = setup.surface.meet(origins, aims)
+        n, passes = np.einsum("mij,mj->mi", P[:, :3, :3], n), ~np.isfinite(met)
     slope = np.sum(n * R[:, :, 2], axis=1)
     slope = np.where(slope < 0, -1.0, 1.0) * np.maximum(np.abs(slope), _GRAZING)
-    d = np.sum(n * (P[:, :3, 3] - c), axis=1) / slope
+    flat = np.sum(n * (P[:, :3, 3] - c), axis=1) / slope
+    d = flat if setup.surface is None else np.where(passes, LARGEST, met)
     points = c + d[:, None] * R[:, :, 2]
     gain = 1 + scales[log.beam] + slants[log.beam] * (1 / slope**2 - 1)
     # a slope that grows lessens tan^2 of the incidence
@@ -213,14 +231,46 @@ def predict(setup: Setup, log: PlaneLog) -> Prediction:
     for column, turned in ((3, -n_beam[:, 1]), (4, n_beam[:, 0])):
         beam[:, column] = (-gain * d / slope + d * dgain) * turned
     beam[:, 5], beam[:, 6] = d, d * (1 / slope**2 - 1)
-    plane = np.zeros((len(d), len(PLANE)))
     local = np.einsum("mji,mj->mi", P[:, :3, :3], P[:, :3, 3] - points)
-    aim = np.einsum("mji,mj->mi", P[:, :3, :3], R[:, :, 2])
-    for column, axis, sign in ((0, 1, -1.0), (1, 0, 1.0)):
-        plane[:, column] = sign * (gain * local[:, axis] / slope + d * dgain * aim[:, axis])
-    plane[:, 2] = gain / slope
+    if setup.surface is None:
+        plane = np.zeros((len(d), len(PLANE)))
+        aim = np.einsum("mji,mj->mi", P[:, :3, :3], R[:, :, 2])
+        for column, axis, sign in ((0, 1, -1.0), (1, 0, 1.0)):
+            plane[:, column] = sign * (gain * local[:, axis] / slope + d * dgain * aim[:, axis])
+        plane[:, 2] = gain / slope
+    else:
+        n_target = np.einsum("mji,mj->mi", P[:, :3, :3], n)
+        plane = (gain / slope)[:, None] * np.concatenate([n_target, np.cross(-local, n_target)], axis=1)
     J = _scattered(beam, plane, setup, log)
+    J[passes] = 0.0
     return Prediction(gain * d, np.arccos(np.minimum(np.abs(slope), 1.0)), J, points)
+
+
+def aimed(setup: Setup, log: PlaneLog) -> tuple[FloatArray, FloatArray]:
+    """Return how far the beams pass a point at which they are aimed, over the standard deviation of aiming.
+
+    Args:
+        setup: beams and target.
+        log: stations.
+
+    Returns:
+        Distances along both axes across the beam ``(2 m,)``, two rows a station, and their derivatives by all
+        parameters ``(2 m, size)``; no rows if the target is no point.
+    """
+    if not isinstance(setup.surface, Point):
+        return np.zeros(0), np.zeros((0, setup.size))
+    T = log.Ts_world_hand @ setup.T_hand_beams[log.beam]
+    P = setup.T_world_planes[log.plane]
+    y = np.einsum("mji,mj->mi", T[:, :3, :3], P[:, :3, 3] - T[:, :3, 3])
+    turned = np.einsum("mji,mjk->mik", T[:, :3, :3], P[:, :3, :3])
+    rows, per = [], 1 / setup.surface.aim_sd
+    for axis in range(2):
+        beam = np.zeros((len(y), len(BEAM)))
+        beam[:, axis] = -1.0
+        beam[:, 4 - axis] = (y[:, 2], -y[:, 2])[1 - axis]
+        target = np.concatenate([turned[:, axis], np.zeros((len(y), 3))], axis=1)
+        rows.append(per * _scattered(beam, target, setup, log))
+    return per * y[:, :2].ravel(), np.stack(rows, axis=1).reshape(2 * len(y), -1)
 
 
 def facing(setup: Setup, log: PlaneLog) -> Setup:
@@ -231,6 +281,8 @@ def facing(setup: Setup, log: PlaneLog) -> Setup:
         log: stations.
     """
     aims = (log.Ts_world_hand @ setup.T_hand_beams[log.beam])[:, :3, 2]
+    if setup.surface is not None:
+        return setup
     slopes = np.sum(aims * setup.T_world_planes[log.plane, :3, 2], axis=1)
     away = np.bincount(log.plane, weights=slopes, minlength=len(setup.T_world_planes)) > 0
     return replace(
@@ -248,7 +300,8 @@ def _scattered(beam: FloatArray, plane: FloatArray, setup: Setup, log: PlaneLog)
     number[setup.zones] = np.arange(zones)
     of_zone = np.flatnonzero(number[log.beam] >= 0)
     J[of_zone, own + number[log.beam[of_zone]]] = -beam[of_zone, 2]
-    J[rows, own + zones + len(PLANE) * log.plane[:, None] + np.arange(len(PLANE))] = plane
+    width = plane.shape[1]
+    J[rows, own + zones + width * log.plane[:, None] + np.arange(width)] = plane
     return J
 
 
@@ -268,7 +321,7 @@ WEAK = {"x": 0.3, "y": 0.3, "z": 0.3, "turn x": 1.0, "turn y": 1.0, "scale": 0.0
 _PLANE_SD = 1.0
 """Standard deviation of the prior of tilts and shifts of the planes [rad, m], which are practically unknown."""
 
-_FIXED = 1e-8
+FIXED = 1e-8
 """Standard deviation of a parameter that has no effect of its own, such as the rotation of one beam about itself."""
 
 _FIELD_SD = 0.03
@@ -304,34 +357,20 @@ class Prior:
             setup: parameters.
         """
         out, mean, (own, zones, _) = np.zeros(setup.size), self.expected, setup.parts
-        devices, planes = out[:own].reshape(-1, len(DEVICE)), out[own + zones :].reshape(-1, len(PLANE))
+        devices, planes = out[:own].reshape(-1, len(DEVICE)), out[own + zones :].reshape(len(mean.T_world_planes), -1)
         devices[:, :6] = SE3.log(SE3.inverse(mean.T_hand_devices) @ setup.T_hand_devices)
         for column, name in ((6, "offsets"), (7, "scales"), (8, "slants"), (9, "fields")):
             devices[:, column] = getattr(setup, name) - getattr(mean, name)
         out[own : own + zones] = setup.zone_offsets[setup.zones]
         off = SE3.log(SE3.inverse(mean.T_world_planes) @ setup.T_world_planes)
-        planes[:] = off[:, [3, 4, 2]]
+        planes[:] = off[:, _POSE_ROWS if mean.surface is None else slice(None)]
         return out
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PlaneTarget:
-    """Plane whose pose is known.
-
-    Attributes:
-        T_world_plane: frame on the plane, with z along its outward normal ``(4, 4)`` [m].
-        sd: standard deviation of its shift along the normal [m].
-        tilt_sd: standard deviation of its tilts [rad].
-    """
-
-    T_world_plane: Transforms
-    sd: float
-    tilt_sd: float
-
-
 def make_prior(
-    log: PlaneLog, rig: Rig | None, preset: SensorPreset | None, start: Setup, target: PlaneTarget | None = None
-) -> Prior:
+    log: PlaneLog, rig: Rig | None, preset: SensorPreset | None, start: Setup, target: Target | None = None,
+    *, mounted: bool = False,
+) -> Prior:  # fmt: skip
     """Return the prior of the parameters: from the rig where it states them, weak elsewhere.
 
     Args:
@@ -339,7 +378,8 @@ def make_prior(
         rig: nominal poses of the sensors; None if unknown.
         preset: preset of the sensors that the rig does not contain; None if unknown.
         start: start of the search, which is the mean where the rig states nothing.
-        target: known pose of all planes; None if unknown.
+        target: known target of all readings; None for unknown planes.
+        mounted: whether the readings do not depend on the mounting, so that it is fixed and the offsets are unknown.
     """
     u = len(start.offsets)
     Ts, offsets, scales = np.array(start.T_hand_devices), np.zeros(u), np.zeros(u)
@@ -351,7 +391,7 @@ def make_prior(
         own = preset if sensor is None else sensor.preset
         half_angle = np.nan if own is None else own.beam_half_angle
         scale_sd, bias_sd = (0.0, 0.0) if own is None else (own.bias_prop_std, own.bias_std)
-        sds = np.r_[[WEAK[term] for term in BEAM[:5]], _FIXED]
+        sds = np.r_[[WEAK[term] for term in BEAM[:5]], FIXED]
         cov = np.diag(sds**2)
         if sensor is not None:
             Ts[i], offsets[i], scales[i] = sensor.T_hand_unit, sensor.bias, sensor.scale
@@ -361,20 +401,23 @@ def make_prior(
             stated = np.diag(sensor.cov_mount) > 0
             cov[np.ix_(stated, stated)] = sensor.cov_mount[np.ix_(stated, stated)]
         several = len(beams) > 1
-        if several and cov[5, 5] <= _FIXED**2:
+        if several and cov[5, 5] <= FIXED**2:
             cov[5, 5] = WEAK["turn x"] ** 2
-        covs[i, :6, :6] = cov
+        covs[i, :6, :6] = FIXED**2 * np.eye(6) if mounted else cov
         stands = sensor is not None and sensor.cov_mount[2, 2] > 0
-        covs[i, 6, 6] = max(bias_sd if several or stands else 0.0, _FIXED) ** 2
+        offset_sd = WEAK["z"] if mounted else bias_sd if several or stands else 0.0
+        covs[i, 6, 6] = max(offset_sd, FIXED) ** 2
+        if mounted:
+            covs[i, 7, :6] = covs[i, :6, 7] = 0.0
         covs[i, 7, 7] = scale_sd**2 if scale_sd > 0 else WEAK["scale"] ** 2
         covs[i, 8, 8] = (half_angle**2 / 4) ** 2 if half_angle > 0 else WEAK["slant"] ** 2
-        covs[i, 9, 9] = _FIELD_SD**2 if several else _FIXED**2
-        zone_sds[beams] = max(_ZONE_SHARE * bias_sd, _FIXED)
+        covs[i, 9, 9] = _FIELD_SD**2 if several else FIXED**2
+        zone_sds[beams] = max(_ZONE_SHARE * bias_sd, FIXED)
     presets = _presets(log, known, preset)
     limit = max(np.pi / 2 if one is None else one.max_incidence for one in presets)
     if target is not None:
-        planes = np.repeat(target.T_world_plane[None], len(log.planes), 0)
-        plane_sds = np.array([target.tilt_sd, target.tilt_sd, target.sd])
+        planes = start.T_world_planes
+        plane_sds = np.sqrt(np.diag(target.cov))
     else:  # a device answers up to an incidence, so that planes face its beams
         planes = facing_planes(log, Ts[start.device] @ start.T_device_beams)
         plane_sds = np.array([0.5 * limit, 0.5 * limit, _PLANE_SD])
@@ -389,7 +432,7 @@ def make_prior(
         precision[block, block] = np.linalg.inv(covs[i])
     precision[first : first + zones, first : first + zones] = np.diag(1 / zone_sds[start.zones] ** 2)
     precision[first + zones :, first + zones :] = np.diag(
-        1 / np.maximum(np.tile(plane_sds, len(log.planes)), _FIXED) ** 2
+        1 / np.maximum(np.tile(plane_sds, len(log.planes)), FIXED) ** 2
     )
     root = np.linalg.inv(np.linalg.cholesky(precision)).T
     B = expected.by_device

@@ -14,8 +14,9 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms, Vectors
-from tanteo.sensors.calibration.geometry import PlaneTarget, Setup, facing_planes, plane_frame
+from tanteo.sensors.calibration.geometry import Setup, facing_planes, plane_frame
 from tanteo.sensors.calibration.log import PlaneLog
+from tanteo.sensors.calibration.targets import Ball, Target
 
 _NORMALS = 150
 _STARTS = 3
@@ -27,15 +28,17 @@ _OPEN = 1e-8
 """Scatter of points across the beams below which it counts as zero [m^2]."""
 
 
-def starts(log: PlaneLog, T_hand_beams: Transforms | None, target: PlaneTarget | None = None) -> list[Setup]:
+def starts(log: PlaneLog, T_hand_beams: Transforms | None, target: Target | None = None) -> list[Setup]:
     """Return setups to refine, best first, beginning with that of the rig if it is known.
 
     Args:
         log: stations.
         T_hand_beams: poses of the beams in the rig ``(k, 4, 4)`` [m]; None if unknown.
-        target: known pose of all planes; None if unknown.
+        target: known target of all readings; None for unknown planes.
     """
     out = [] if T_hand_beams is None else [_setup(log, T_hand_beams, np.ones(len(log), dtype=bool))]
+    if target is not None and T_hand_beams is not None:
+        return [replace(out[0], T_world_planes=_placed(target, log, T_hand_beams)[None], surface=target.surface)]
     out += [replace(out[0], T_world_planes=facing_planes(log, T_hand_beams))] if T_hand_beams is not None else []
     lead = int(np.argmax(np.bincount(log.beam)))
     near = log.ranges <= np.median(log.ranges[log.beam == lead])
@@ -52,10 +55,19 @@ def starts(log: PlaneLog, T_hand_beams: Transforms | None, target: PlaneTarget |
             else:
                 Ts[k] = Ts[first] @ SE3.inverse(log.T_device_beams[first]) @ log.T_device_beams[k]
         out.append(_setup(log, Ts, use))
-    if target is None:
+    if target is None or target.T_world_target is None:
         return out
-    known = np.repeat(target.T_world_plane[None], len(log.planes), axis=0)
-    return [replace(setup, T_world_planes=known) for setup in out]
+    return [replace(setup, T_world_planes=target.T_world_target[None], surface=target.surface) for setup in out]
+
+
+def _placed(target: Target, log: PlaneLog, T_hand_beams: Transforms) -> Transforms:
+    """Return the pose of a target; where it is unknown, it is where the beams of the rig meet something."""
+    if target.T_world_target is not None:
+        return target.T_world_target
+    T = log.Ts_world_hand @ T_hand_beams[log.beam]
+    inside = target.surface.radius if isinstance(target.surface, Ball) else 0.0
+    points = T[:, :3, 3] + (log.ranges + inside)[:, None] * T[:, :3, 2]
+    return SE3.from_parts(np.eye(3), np.median(points, axis=0))
 
 
 def _setup(log: PlaneLog, Ts: Transforms, use: BoolArray) -> Setup:

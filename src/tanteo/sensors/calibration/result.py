@@ -30,7 +30,8 @@ class BeamFit:
         cov: covariance of ``x y z``, rotations about x and y (body error at the beam [m, rad]), scale and slant
             ``(7, 7)``.
         repeats: repeatability at one place.
-        place_sds: standard deviations between places: floor [m], per range, and across the beam per range ``(3,)``.
+        place_sds: standard deviations between places: floor [m], per range, and across the beam per range ``(3,)``; the
+            last is NaN if all places are square to the beam.
         place_cov: covariance of the squares of ``place_sds`` ``(3, 3)``.
     """
 
@@ -96,6 +97,26 @@ class PlaneFit:
     stations: int
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class TargetFit:
+    """Known target after the fit.
+
+    Attributes:
+        T_world_target: pose of the target ``(4, 4)`` [m].
+        cov: covariance of the body error of this pose ``(6, 6)`` [m, rad].
+        rms: root mean square residual of the ranges of the stations that are no outliers [m].
+        stations: number of these stations.
+    """
+
+    T_world_target: Transforms
+    cov: Covariances
+    rms: float
+    stations: int
+
+    def __post_init__(self) -> None:
+        freeze(self, "T_world_target", "cov")
+
+
 @dataclass(frozen=True, slots=True)
 class Outlier:
     """Readings that contradict the calibration or their repeats.
@@ -127,7 +148,7 @@ class Calibration(Value):
         findings: reasons for the status, the verdict first.
         beams: calibrated beams: sensors, or zones of multi-zone devices.
         devices: devices of the beams.
-        planes: fitted planes.
+        planes: fitted planes; none for a known target.
         outliers: excluded readings.
         log: stations.
         ranges: ranges of the stations ``(m,)`` [m].
@@ -135,7 +156,9 @@ class Calibration(Value):
         residuals: measured minus predicted ranges ``(m,)`` [m].
         sds: standard deviations of the residuals ``(m,)`` [m].
         good: mask of the stations that are no outliers ``(m,)``.
-        cov: covariance of all parameters (7 for each beam, then 3 for each plane), without the robot's absolute error.
+        cov: covariance of all parameters (7 for each beam, then 3 for each plane or 6 of the target), without the
+            robot's absolute error.
+        target: known target after the fit; None for planes.
     """
 
     status: str
@@ -151,6 +174,7 @@ class Calibration(Value):
     sds: FloatArray
     good: BoolArray
     cov: Covariances
+    target: TargetFit | None = None
 
     def __post_init__(self) -> None:
         freeze(self, "ranges", "incidences", "residuals", "sds", "cov")

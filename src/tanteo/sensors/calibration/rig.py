@@ -38,6 +38,12 @@ def calibrated_rig(found: Calibration, *, rig: Rig | None = None, sensor: Sensor
     if found.status != "calibrated":
         raise InputError(f"found: expected a calibration that determines the beams, got this. {found.message}")
     old = {} if rig is None else {s.name: s for s in rig.sensors}
+    by_distances = bool(found.log.readings.true_distances.given.any())
+    if by_distances and rig is None:
+        raise InputError(
+            "rig: expected the rig of the sensor, as known distances do not determine where it is, got none. Name it "
+            "with --rig."
+        )
     fitted = dict[str, RigSensor]()
     for k, device in enumerate(found.devices):
         mine = found.good & (found.log.of == k)
@@ -47,7 +53,15 @@ def calibrated_rig(found: Calibration, *, rig: Rig | None = None, sensor: Sensor
             fitted[first.name] = _sensor(first, old.get(first.name), sensor, slanted)
         else:
             fitted |= {one.name: one for one in _zones(device, first, found, old, slanted)}
+    if by_distances:  # the mounting is as uncertain as before, in the pose of the beam after its offset
+        fitted = {name: _mounted(one, old[name]) for name, one in fitted.items()}
     return Rig(tuple(fitted.get(name) or old[name] for name in dict.fromkeys([*old, *fitted])), "calibration")
+
+
+def _mounted(one: RigSensor, old: RigSensor) -> RigSensor:
+    """Return a sensor with the mounting error of its rig, which acts at the place in the rig."""
+    A = SE3.adjoint(SE3.inverse(one.T_hand_unit) @ old.T_hand_unit)
+    return replace(one, cov_mount=one.cov_mount + A @ old.cov_mount @ A.T)
 
 
 def _zones(
@@ -94,12 +108,13 @@ def _sensor(beam: BeamFit, old: RigSensor | None, preset: SensorPreset | None, s
     law = beam.repeats.law
     preset = preset if old is None else old.preset
     known = preset.max_range if preset is not None else math.nan
+    half_angle = old.beam_half_angle if old is not None else 0.0 if preset is None else preset.beam_half_angle
     return RigSensor(
         name=beam.name,
         T_hand_sensor=beam.T_hand_beam,
         preset=preset,
         sd=max(math.hypot(float(law.const), beam.place_sds[0]), _LEAST_SD),
-        beam_half_angle=2 * float(beam.place_sds[2]),
+        beam_half_angle=half_angle if math.isnan(beam.place_sds[2]) else 2 * float(beam.place_sds[2]),
         max_range=known if old is None else old.max_range,
         bias_sd=0.0,
         cov_mount=cov_mount,

@@ -31,12 +31,14 @@ class Calibrated(Finding):
     Attributes:
         sensors: names of the sensors.
         undetermined: combinations of parameters that the log hardly improves; they keep their prior uncertainty.
+        by_distances: whether the log has known distances, not poses of the hand.
     """
 
     kind: ClassVar[str] = "calibrated"
     role: ClassVar[Role] = "verdict"
     sensors: tuple[str, ...]
     undetermined: tuple[Undetermined, ...] = ()
+    by_distances: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +47,13 @@ class BeamsUndetermined(Finding):
 
     Attributes:
         undetermined: combinations of parameters that the log does not determine.
+        by_distances: whether the log has known distances, not poses of the hand.
     """
 
     kind: ClassVar[str] = "beams_undetermined"
     role: ClassVar[Role] = "verdict"
     undetermined: tuple[Undetermined, ...]
+    by_distances: bool = False
 
 
 @dataclass(frozen=True, slots=True)

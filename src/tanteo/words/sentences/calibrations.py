@@ -23,6 +23,8 @@ _PARAMETERS = {
 
 _TURN = "Turn the hand about two axes across the beam between readings, by 20 degrees or more, and change the range."
 
+_DISTANCES = "Take known distances that differ more, over the ranges that you will use."
+
 
 def parameter_words(one: f.Undetermined) -> str:
     """Return the parameters of a combination as text, without the sensor."""
@@ -47,19 +49,23 @@ def _(one: f.Calibrated) -> Words:
     text = f"Calibrated {', '.join(one.sensors)}."
     if not one.undetermined:
         return text, ""
-    return f"{text} This log adds little on {_of_sensors(one.undetermined)}, which keep their prior.", _TURN
+    return (
+        f"{text} This log adds little on {_of_sensors(one.undetermined)}, which keep their prior.",
+        _DISTANCES if one.by_distances else _TURN,
+    )
 
 
 @words_of.register
 def _(one: f.BeamsUndetermined) -> Words:
-    return f"This log does not determine {_of_sensors(one.undetermined)}.", _TURN
+    what = _of_sensors(one.undetermined)
+    return f"This log does not determine {what}.", _DISTANCES if one.by_distances else _TURN
 
 
 @words_of.register
 def _(one: f.NotPlanes) -> Words:
     return (
-        "No beams and planes explain these readings better than chance."
-    ), "Check labels, hand poses and units, and take more places on each plane."
+        "No beams explain these readings on planes, the stated target or at the known distances better than chance."
+    ), "Check labels, hand poses, distances and units, the stated target, and take more places."
 
 
 @words_of.register
