@@ -89,58 +89,58 @@ def parse_target(text: str, unit: str | None = None, name: str = "target") -> Ta
         PartError: the file of the part cannot be read.
         UnitError: a unit is missing or unknown.
     """
-    kind, _, rest = text.strip().partition(" ")
-    if kind not in _FORMS:
+    form, _, rest = text.strip().partition(" ")
+    if form not in _FORMS:
         listed = "; ".join(_FORMS.values())
         raise InputError(f"{name}: expected a plane, ball, point or part, got '{text}'. Write it as one of: {listed}.")
-    if kind == "plane":
-        return _posed(Flat(), rest, name, kind) if rest.strip() else None
-    if kind == "part":
+    if form == "plane":
+        return _posed(Flat(), rest, name, form) if rest.strip() else None
+    if form == "part":
         path, _, where = rest.partition("@")
         needed = unit if is_unitless(os.path.splitext(path.strip())[1]) else None
         part = read_one(path.strip(), needed)
         mesh = Surface(part.vertices, part.triangles)
-        return _posed(PartSurface(mesh, exact_faces(part, mesh.normals)), where, name, kind)
-    if kind == "ball":
+        return _posed(PartSurface(mesh, exact_faces(part, mesh.normals)), where, name, form)
+    if form == "ball":
         size, _, where = rest.partition("@")
         radius = parse_length(size.strip(), name)
         if not radius > 0:
-            raise InputError(f"{name}: expected a positive radius of the ball, got '{size}'. Write: {_FORMS[kind]}.")
-        T, sds = _place(where, name, kind)
-        return _centred(Ball(radius), T, sds[0], kind)
-    T, sds = _place(rest, name, kind)
-    return _centred(Point(sds[-1]), T, sds[0], kind)
+            raise InputError(f"{name}: expected a positive radius of the ball, got '{size}'. Write: {_FORMS[form]}.")
+        T, sds = _place(where, name, form)
+        return _centred(Ball(radius), T, sds[0], form)
+    T, sds = _place(rest, name, form)
+    return _centred(Point(sds[-1]), T, sds[0], form)
 
 
-def _posed(surface: Flat | PartSurface, text: str, name: str, kind: str) -> Target:
+def _posed(surface: Flat | PartSurface, text: str, name: str, form: str) -> Target:
     """Return a target with position and rotation."""
-    pose, spread = value_and_sd(text, name, _FORMS[kind])
+    pose, spread = value_and_sd(text, name, _FORMS[form])
     lengths, angles = parse_lengths_angles(spread, name)
     if len(lengths) != 1 or len(angles) != 1 or min(*lengths, *angles) < 0:
-        raise InputError(f"{name}: expected one length and one angle after +-, got '{spread}'. Write: {_FORMS[kind]}.")
+        raise InputError(f"{name}: expected one length and one angle after +-, got '{spread}'. Write: {_FORMS[form]}.")
     sds = np.repeat([lengths[0], angles[0]], 3)
-    return Target(surface, parse_pose(pose, name), np.diag(sds**2), kind)
+    return Target(surface, parse_pose(pose, name), np.diag(sds**2), form)
 
 
-def _place(text: str, name: str, kind: str) -> tuple[Transforms | None, list[float]]:
+def _place(text: str, name: str, form: str) -> tuple[Transforms | None, list[float]]:
     """Return the pose of a target without attitude, None for an unknown one, and the lengths after ``+-``."""
-    if not text.strip() and kind == "ball":
+    if not text.strip() and form == "ball":
         return None, [_ANYWHERE]
-    if text.strip().startswith("+-") and kind == "point":
-        return None, [_ANYWHERE, *_lengths(text.strip()[2:], name, kind)]
-    place, spread = value_and_sd(text, name, _FORMS[kind])
+    if text.strip().startswith("+-") and form == "point":
+        return None, [_ANYWHERE, *_lengths(text.strip()[2:], name, form)]
+    place, spread = value_and_sd(text, name, _FORMS[form])
     at = parse_lengths(place, name)
     if len(at) != 3:
-        raise InputError(f"{name}: expected x, y and z, got '{place}'. Write: {_FORMS[kind]}.")
-    return SE3.from_parts(np.eye(3), np.array(at)), _lengths(spread, name, kind)
+        raise InputError(f"{name}: expected x, y and z, got '{place}'. Write: {_FORMS[form]}.")
+    return SE3.from_parts(np.eye(3), np.array(at)), _lengths(spread, name, form)
 
 
-def _lengths(text: str, name: str, kind: str) -> list[float]:
+def _lengths(text: str, name: str, form: str) -> list[float]:
     values = [value for word in text.split() for value in parse_lengths(word, name)]
-    if not 1 <= len(values) <= (2 if kind == "point" else 1) or min(values) <= 0:
-        raise InputError(f"{name}: expected positive lengths after +-, got '{text}'. Write: {_FORMS[kind]}.")
+    if not 1 <= len(values) <= (2 if form == "point" else 1) or min(values) <= 0:
+        raise InputError(f"{name}: expected positive lengths after +-, got '{text}'. Write: {_FORMS[form]}.")
     return values
 
 
-def _centred(surface: Ball | Point, T: Transforms | None, sd: float, kind: str) -> Target:
-    return Target(surface, T, np.diag(np.r_[np.full(3, sd**2), np.zeros(3)]), kind)
+def _centred(surface: Ball | Point, T: Transforms | None, sd: float, form: str) -> Target:
+    return Target(surface, T, np.diag(np.r_[np.full(3, sd**2), np.zeros(3)]), form)
