@@ -116,14 +116,14 @@ def main():
     options.add_argument("--response", choices=RESPONSES, action="append")
     options.add_argument("--as", dest="stated", choices=(*RESPONSES, "own", "unknown", "thin"), action="append")
     options.add_argument("--verbose", action="store_true", help="one line for each scene")
-    asked = options.parse_args()
+    arguments = options.parse_args()
     columns = ("response", "as", "told", "right", "decided", "wrong above 95 %", "region holds", "s CPU")
-    table = Table("Wide cones", f"{asked.scenes} scenes each.", columns, [])
-    for response in asked.response or RESPONSES:
-        for stated in asked.stated or ("own",):
+    table = Table("Wide cones", f"{arguments.scenes} scenes each.", columns, [])
+    for response in arguments.response or RESPONSES:
+        for stated in arguments.stated or ("own",):
             found = []
-            for k in range(asked.scenes):
-                rng = np.random.default_rng((asked.seed, k))
+            for k in range(arguments.scenes):
+                rng = np.random.default_rng((arguments.seed, k))
                 own = catalogue()[k % len(PARTS)]
                 half_angle, count = np.radians(rng.uniform(2, 20)), int(rng.integers(5, 26))
                 readings, T, prior = scene(own, response, half_angle, count, rng)
@@ -133,7 +133,7 @@ def main():
                     readings, [one.part for one in catalogue()], rig=rig, priors=replace(Priors(), pose=prior)
                 )
                 found.append((*judged(answer, own, T), time.process_time() - start))
-                if asked.verbose:
+                if arguments.verbose:
                     P, right, covers, _, spent = found[-1]
                     print(
                         f"{response} as {stated} {k}: {own.part.name}, {np.degrees(half_angle):.1f} deg, "

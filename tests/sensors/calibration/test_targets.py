@@ -52,10 +52,10 @@ def drawn_beam(rng, rig):
 def log_of(rng, T_hand_beam, scale, hands, surface, T_target):
     """Ranges to a target at a pose; hands whose beam passes it are dropped."""
     T = SE3.inverse(T_target) @ hands @ T_hand_beam
-    d = surface.meet(T[:, :3, 3], T[:, :3, 2])[0]
-    met = np.isfinite(d) & (d > 0)
-    ranges = (1 + scale) * d[met] + SD * rng.normal(size=met.sum())
-    return Readings.from_columns(ranges=ranges, sensors=["eye"] * int(met.sum()), Ts_world_hand=hands[met])
+    d = surface.cast(T[:, :3, 3], T[:, :3, 2])[0]
+    hit = np.isfinite(d) & (d > 0)
+    ranges = (1 + scale) * d[hit] + SD * rng.normal(size=hit.sum())
+    return Readings.from_columns(ranges=ranges, sensors=["eye"] * int(hit.sum()), Ts_world_hand=hands[hit])
 
 
 def chi_square(beam, T_true, scale):

@@ -47,8 +47,8 @@ class PartSurface:
     surface: Surface
     exact: Revolved | None
 
-    def meet(self, origins: Vectors, directions: Vectors) -> tuple[FloatArray, Vectors]:
-        """Return the ranges of beams and outward normals where they meet the part.
+    def cast(self, origins: Vectors, directions: Vectors) -> tuple[FloatArray, Vectors]:
+        """Return the ranges of beams and outward normals where they hit the part.
 
         Args:
             origins: origins of the beams in the part frame ``(m, 3)`` [m].
@@ -56,17 +56,17 @@ class PartSurface:
         """
         surface = self.surface
         hits = surface.cast(origins, directions)
-        met = np.isfinite(hits.distances)
+        hit = np.isfinite(hits.distances)
         ranges, triangles = np.array(hits.distances), np.maximum(hits.triangles, 0)
         normals = np.array(surface.normals[triangles])
-        met &= np.sum(normals * directions, axis=1) < 0
-        ranges = np.where(met, ranges, 0.0)
+        hit &= np.sum(normals * directions, axis=1) < 0
+        ranges = np.where(hit, ranges, 0.0)
         for _ in range(_REFINED):
             if self.exact is not None:
                 off = np.zeros(len(ranges))
                 self.exact.replace(origins + ranges[:, None] * directions, triangles, off, normals)
                 ranges = ranges - off / np.minimum(np.sum(normals * directions, axis=1), -0.1)
-        return np.where(met, ranges, np.inf), normals
+        return np.where(hit, ranges, np.inf), normals
 
 
 def parse_target(text: str, unit: str | None = None, name: str = "target") -> Target | None:

@@ -140,7 +140,7 @@ def _before_a_wall(
         only, number = ("sensor" if sensor is None else sensor.name), 1
     names = tuple(name or (only if number == 1 else "") for name in readings.sensors)
     units = [known.get(name, np.eye(4)) if rig is not None else np.eye(4) for name in names]
-    Ts = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (len(names), 1, 1))  # the device looks down at the plane z = 0
+    Ts = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (len(names), 1, 1))  # the device faces the plane z = 0
     Ts[:, 2, 3] = readings.true_distances.filled(1.0)
     Ts = Ts @ SE3.inverse(np.array(units))
     placed = replace(readings, sensors=names, Ts_world_hand=Column(np.ones(len(names), dtype=bool), Ts))

@@ -214,12 +214,12 @@ def predict(setup: Setup, log: PlaneLog) -> Prediction:
     else:
         into = np.swapaxes(P[:, :3, :3], 1, 2)
         origins, aims = (np.einsum("mij,mj->mi", into, v) for v in (c - P[:, :3, 3], R[:, :, 2]))
-        met, n = setup.surface.meet(origins, aims)
-        n, passes = np.einsum("mij,mj->mi", P[:, :3, :3], n), ~np.isfinite(met)
+        hit, n = setup.surface.cast(origins, aims)
+        n, passes = np.einsum("mij,mj->mi", P[:, :3, :3], n), ~np.isfinite(hit)
     slope = np.sum(n * R[:, :, 2], axis=1)
     slope = np.where(slope < 0, -1.0, 1.0) * np.maximum(np.abs(slope), _GRAZING)
     flat = np.sum(n * (P[:, :3, 3] - c), axis=1) / slope
-    d = flat if setup.surface is None else np.where(passes, LARGEST, met)
+    d = flat if setup.surface is None else np.where(passes, LARGEST, hit)
     points = c + d[:, None] * R[:, :, 2]
     gain = 1 + scales[log.beam] + slants[log.beam] * (1 / slope**2 - 1)
     # a slope that grows lessens tan^2 of the incidence

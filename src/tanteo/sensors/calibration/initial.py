@@ -61,7 +61,7 @@ def starts(log: PlaneLog, T_hand_beams: Transforms | None, target: Target | None
 
 
 def _placed(target: Target, log: PlaneLog, T_hand_beams: Transforms) -> Transforms:
-    """Return the pose of a target; where it is unknown, it is where the beams of the rig meet something."""
+    """Return the pose of a target; where it is unknown, it is where the beams of the rig hit something."""
     if target.T_world_target is not None:
         return target.T_world_target
     T = log.Ts_world_hand @ T_hand_beams[log.beam]

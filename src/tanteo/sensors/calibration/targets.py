@@ -1,6 +1,6 @@
 """Define known targets of a calibration: a plane, a ball, a point or a part at a pose with a covariance.
 
-A surface reports where beams meet it, and the tangent plane there. To first order a range depends on the surface by
+A surface reports where beams hit it, and the tangent plane there. To first order a range depends on the surface by
 this plane alone, so that all targets have the derivatives of a plane.
 """
 
@@ -21,8 +21,8 @@ TARGET = ("x", "y", "z", "turn x", "turn y", "turn z")
 class Surface(Protocol):
     """Surface of a target in its own frame."""
 
-    def meet(self, origins: Vectors, directions: Vectors) -> tuple[FloatArray, Vectors]:
-        """Return the ranges of beams and the outward normals where they meet the surface.
+    def cast(self, origins: Vectors, directions: Vectors) -> tuple[FloatArray, Vectors]:
+        """Return the ranges of beams and the outward normals where they hit the surface.
 
         Args:
             origins: origins of the beams ``(m, 3)`` [m].
@@ -37,7 +37,7 @@ class Surface(Protocol):
 class Flat:
     """Plane z = 0 with its outward normal along z."""
 
-    def meet(self, origins: Vectors, directions: Vectors) -> tuple[FloatArray, Vectors]:
+    def cast(self, origins: Vectors, directions: Vectors) -> tuple[FloatArray, Vectors]:
         """Return the ranges of beams to the plane, and its normal; see :class:`Surface`."""
         approach = -directions[:, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -55,7 +55,7 @@ class Ball:
 
     radius: float
 
-    def meet(self, origins: Vectors, directions: Vectors) -> tuple[FloatArray, Vectors]:
+    def cast(self, origins: Vectors, directions: Vectors) -> tuple[FloatArray, Vectors]:
         """Return the ranges of beams to the near side of the ball, and its normals; see :class:`Surface`."""
         ahead = -np.sum(origins * directions, axis=1)
         inside = self.radius**2 - np.sum((origins + ahead[:, None] * directions) ** 2, axis=1)
@@ -76,7 +76,7 @@ class Point:
 
     aim_sd: float
 
-    def meet(self, origins: Vectors, directions: Vectors) -> tuple[FloatArray, Vectors]:
+    def cast(self, origins: Vectors, directions: Vectors) -> tuple[FloatArray, Vectors]:
         """Return the ranges to the point along the beams, and normals against them; see :class:`Surface`."""
         return -np.sum(origins * directions, axis=1), -directions
 
