@@ -14,10 +14,10 @@ from tanteo.io.documents.part_files import read_one
 from tanteo.io.poses.pose_syntax import parse_pose
 from tanteo.io.poses.prior_text import value_and_sd
 from tanteo.io.readings.units import parse_length, parse_lengths, parse_lengths_angles
-from tanteo.parts.faces.surfaces import exact_faces
+from tanteo.parts import Surface
+from tanteo.parts.faces import exact_faces
 from tanteo.parts.readers import is_unitless
 from tanteo.parts.shapes.revolved import Revolved
-from tanteo.parts.shapes.surface import Surface
 from tanteo.sensors.calibration.targets import Ball, Flat, Point, Target
 
 _FORMS = {

@@ -16,7 +16,6 @@ from tanteo.words.sentences import parameter_words
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray
     from tanteo.sensors.calibration import BeamFit, Calibration, DeviceFit, Outlier
-    from tanteo.sensors.calibration.result import TargetFit
 
 _MOST_OUTLIERS = 12
 _RANGES, _ANGLE_STEP = 6, 15.0
@@ -44,7 +43,7 @@ def calibration_lines(found: Calibration, *, verbose: bool = False, layout: Layo
     if found.target is None:
         lines += ["", *_plane_table(found, layout)]
     elif not by_distances:
-        lines += ["", *_target_lines(found.target)]
+        lines += ["", *_target_lines(found)]
     lines += ["", *_coverage_table(found, layout)]
     return [*lines, "", *_outlier_lines(found.outliers, verbose=verbose)]
 
@@ -142,7 +141,9 @@ def _with_sd(sds: FloatArray, cov_of_squares: FloatArray, units: Sequence[float]
     return out
 
 
-def _target_lines(target: TargetFit) -> list[str]:
+def _target_lines(found: Calibration) -> list[str]:
+    target = found.target
+    assert target is not None
     T, sds = target.T_world_target, np.sqrt(np.diag(target.cov))
     return [
         f"target at ({_values(1e3 * T[:3, 3], 2)}) mm, sd ({_values(1e3 * sds[:3], 2)}) mm; "

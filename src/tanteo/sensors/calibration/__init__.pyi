@@ -1,3 +1,4 @@
+from . import targets as targets
 from .hand_eye import HandEye as HandEye
 from .hand_eye import calibrate_hand_eye as calibrate_hand_eye
 from .result import BeamFit as BeamFit
