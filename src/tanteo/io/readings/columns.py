@@ -205,7 +205,8 @@ def _read_name(name: str, written: str, place: str, unit: str | None, *, clear: 
         raise ReadingsError(f"{place}: expected a name, got nothing. Remove the comma or name the column.")
     if words := advice_on_size(written):
         raise ReadingsError(f"{place}: expected a known column, got '{show(written)}'.{words}")
-    near = did_you_mean(name, known_columns().split(", "), _TYPING_ERROR) if len(name) > _SHORT else ""
+    common = len(name) <= _SHORT or advice(written)  # a word with a meaning of its own is no misspelt column
+    near = "" if common else did_you_mean(name, known_columns().split(", "), _TYPING_ERROR)
     if clear and not near:
         return Column(f"excluded: {place}", written, float("nan"), left_out=True, advice=advice(written))
     if words := advice(written):
