@@ -142,24 +142,48 @@ ConeEcho nearest_in(const Shape& shape, const std::vector<int>& triangles, const
     return best;
 }
 
-Seen::Seen(const Shape& shape, const std::vector<int>& triangles, const Cone& cone) : cone(cone) {
+Seen::Seen(const Shape& shape, const std::vector<int>& triangles, const Cone& cone, const Vec3& u, const Vec3& v)
+    : cone(cone), u(u), v(v) {
+    const double slope = std::tan(cone.half_angle);
+    all.reserve(triangles.size());
     for (const int t : triangles) {
         const int* corner = &shape.triangles[3 * static_cast<size_t>(t)];
         Vec3 at[3];
         for (int k = 0; k < 3; ++k) at[k] = shape.vertices[corner[k]] - cone.origin;
         Triangle one;
+        bool behind = false;
+        for (int i = 0; i < 2; ++i) one.least[i] = 1e300, one.most[i] = -1e300;
+        for (const Vec3& corner_at : at) {
+            const double ahead = dot(corner_at, cone.axis);
+            behind |= ahead <= 0;
+            const double across[2] = {dot(corner_at, u) / ahead, dot(corner_at, v) / ahead};
+            for (int i = 0; i < 2; ++i) {
+                one.least[i] = std::min(one.least[i], across[i]);
+                one.most[i] = std::max(one.most[i], across[i]);
+            }
+        }
+        if (behind) {
+            for (int i = 0; i < 2; ++i) one.least[i] = -1e300, one.most[i] = 1e300;
+        } else if (one.least[0] > slope || one.most[0] < -slope || one.least[1] > slope || one.most[1] < -slope) {
+            continue;
+        }
         one.normal = shape.normals[t];
         one.height = -dot(one.normal, at[0]);
         for (int k = 0; k < 3; ++k) one.sides[k] = cross(at[k], at[(k + 1) % 3]);
         one.number = t;
+        if (!all.empty() && (shape.faces[t] != shape.faces[all[0].number] || dot(one.normal, all[0].normal) < 1 - 1e-12 ||
+                             std::fabs(one.height - all[0].height) > 1e-9 * all[0].height))
+            one_plane = false;
         all.push_back(one);
     }
 }
 
-ConeEcho Seen::echo(const Vec3& ray) const {
+ConeEcho Seen::echo(double a, double b) const {
     ConeEcho echo;
+    const Vec3 ray = unit(cone.axis + a * u + b * v);
     const Triangle* hit = nullptr;
     for (const Triangle& one : all) {
+        if (a < one.least[0] || a > one.most[0] || b < one.least[1] || b > one.most[1]) continue;
         // the outer side is towards the origin, so that the corners turn clockwise about the ray
         if (dot(one.sides[0], ray) > 0 || dot(one.sides[1], ray) > 0 || dot(one.sides[2], ray) > 0) continue;
         const double cosine = -dot(one.normal, ray);

@@ -19,6 +19,15 @@ constexpr int STRONGER = 4;              // power of the signal to which a surfa
 constexpr double SAME = 0.3;             // difference in standard deviations up to which echoes of one face are one component
 constexpr double GOLDEN_TURN = 2.39996322972865332;
 
+// Directions of the rays about the axis, which fill the cone evenly.
+struct Spiral {
+    double cosines[RAYS], sines[RAYS];
+    Spiral() {
+        for (int k = 0; k < RAYS; ++k) cosines[k] = std::cos(k * GOLDEN_TURN), sines[k] = std::sin(k * GOLDEN_TURN);
+    }
+};
+const Spiral SPIRAL;
+
 }  // namespace
 
 // p(range | pose) = sum over responses of share * N(range; predicted range, variance). The place of the factor is on the
@@ -130,23 +139,30 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
     u = unit(u - dot(u, cone.axis) * cone.axis);
     const Vec3 v = cross(cone.axis, u);
     const double slope = std::tan(half_angle);
-    const int count = at.blur > 0.25 * slope * range ? FEW_RAYS : RAYS;
     const size_t first = out.size();
-    const Seen seen(at.shape, triangles, cone);
+    const Seen seen(at.shape, triangles, cone, u, v);
     ConeEcho echoes[RAYS];
-    int hits = 0;
-    for (int k = 0; k < count; ++k) {
-        const double off = slope * std::sqrt((k + 0.5) / count), turn = k * GOLDEN_TURN;
-        const Vec3 ray = unit(cone.axis + (off * std::cos(turn)) * u + (off * std::sin(turn)) * v);
-        const ConeEcho echo = seen.echo(ray);
-        if (echo.triangle < 0) continue;
-        echoes[hits++] = echo;
-        if (!(of_rays > 0)) continue;
+    int count = 0, hits = 0;
+    const auto cast = [&](int rays) {
+        count = rays;
+        hits = 0;
+        for (int k = 0; k < count; ++k) {
+            const double off = slope * std::sqrt((k + 0.5) / count);
+            const ConeEcho echo = seen.echo(off * SPIRAL.cosines[k], off * SPIRAL.sines[k]);
+            if (echo.triangle >= 0) echoes[hits++] = echo;
+        }
+    };
+    // few rays are enough while noise is blurred, and where all of them hit one plane
+    const bool blurred = at.blur > 0.25 * slope * range;
+    if (blurred || seen.is_one_plane()) cast(FEW_RAYS);
+    if (!blurred && hits < FEW_RAYS) cast(RAYS);
+    if (!hits) return;
+    for (int k = 0; k < hits && of_rays > 0; ++k) {
         // a ray stands for its cell of the cone, in which the range varies with the incidence
+        const ConeEcho& echo = echoes[k];
         const double tangent2 = 1 / (echo.cosine * echo.cosine) - 1, cell = echo.range * slope * 0.5;
         add(at.shape, echo, of_rays / count, variance + cell * cell * tangent2 / count, at.negligible, first, out);
     }
-    if (!hits) return;
     // the mean of the rays of some faces, which are the hits where face is -1 or that of the triangle
     const auto add_mean = [&](int face, double share) {
         ConeEcho mean;
