@@ -151,18 +151,18 @@ Seen::Seen(const Shape& shape, const std::vector<int>& triangles, const Cone& co
         Vec3 at[3];
         for (int k = 0; k < 3; ++k) at[k] = shape.vertices[corner[k]] - cone.origin;
         Triangle one;
-        bool behind = false;
+        bool beyond = false;
         for (int i = 0; i < 2; ++i) one.least[i] = 1e300, one.most[i] = -1e300;
         for (const Vec3& corner_at : at) {
             const double ahead = dot(corner_at, cone.axis);
-            behind |= ahead <= 0;
+            beyond |= ahead <= 0;
             const double across[2] = {dot(corner_at, u) / ahead, dot(corner_at, v) / ahead};
             for (int i = 0; i < 2; ++i) {
                 one.least[i] = std::min(one.least[i], across[i]);
                 one.most[i] = std::max(one.most[i], across[i]);
             }
         }
-        if (behind) {
+        if (beyond) {
             for (int i = 0; i < 2; ++i) one.least[i] = -1e300, one.most[i] = 1e300;
         } else if (one.least[0] > slope || one.most[0] < -slope || one.least[1] > slope || one.most[1] < -slope) {
             continue;
