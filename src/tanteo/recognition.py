@@ -164,7 +164,7 @@ def identify(
         all_factors = (*factors, *_factors(views, measured.points, parts, priors))
         answer = identify_points(
             points, rays, parts, shared=measured.shared, significance=significance, top=top, priors=priors,
-            factors=all_factors, seed=seed, settings=settings,
+            factors=all_factors, seed=seed, settings=settings, unstated=measured.unstated,
         )  # fmt: skip
         if not assumed:
             break

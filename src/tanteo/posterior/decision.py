@@ -43,6 +43,7 @@ from tanteo.words.findings import (
     OneRegion,
     OnOtherSide,
     PriorContradicted,
+    SharedErrorLimits,
     TooCoarse,
     WorstReading,
 )
@@ -67,6 +68,7 @@ class Outcome:
         hypotheses: hypotheses that are reported.
         check: agreement of the prior pose with the measurements.
         worst: the reading that contradicts the best hypothesis most; None if no reading is far off.
+        unstated: the finding that errors that nobody stated limit the answer; None if they do not.
     """
 
     candidates: Candidates
@@ -77,6 +79,7 @@ class Outcome:
     hypotheses: tuple[Hypothesis, ...]
     check: PriorCheck
     worst: WorstReading | None
+    unstated: SharedErrorLimits | None = None
 
 
 def verdict_of(
@@ -116,7 +119,7 @@ def verdict_of(
         if status == "recognized":
             status, findings = _doubted(findings, found[0], priors, explained)
     if hypotheses and status == "recognized":
-        more += [dominant_shared_error(found[0], shared), outlier_finding(hypotheses[0], priors)]
+        more += [dominant_shared_error(found[0], shared), outcome.unstated, outlier_finding(hypotheses[0], priors)]
     if found and status != "insufficient":
         more.append(face_elsewhere(posterior.problem.points, found[0], unknown, priors))
     if found:

@@ -10,6 +10,7 @@ from tanteo.features import SharedError
 from tanteo.fitting.localization import pose_information
 from tanteo.geometry.typing import FloatArray
 from tanteo.posterior.answers.part_motions import corner_sd, part_scale, without_symmetry
+from tanteo.posterior.answers.results import Hypothesis
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
 from tanteo.posterior.sampling.modes import Mode
 from tanteo.words.findings import SharedErrorLimits
@@ -38,6 +39,21 @@ def dominant_shared_error(one: GoodnessOfFit, shared: Sequence[SharedError]) -> 
     if worst < own.limiting_share * total:
         return None
     return SharedErrorLimits(name, worst, total, float(np.sqrt(total**2 - worst**2)), source)
+
+
+def unstated_errors_limit(best: Hypothesis, without: float, share: float) -> SharedErrorLimits | None:
+    """Return the finding that errors that nobody stated dominate the uncertainty; None if they do not.
+
+    Args:
+        best: the best hypothesis.
+        without: largest corner sd of the pose without these errors [m].
+        share: contribution over the largest corner sd from which an error is named.
+    """
+    part_of = float(np.sqrt(max(best.corner_sd**2 - without**2, 0.0)))
+    if part_of < share * best.corner_sd:
+        return None
+    what = "an assumed scale error, drift and warp"
+    return SharedErrorLimits(what, part_of, best.corner_sd, without, "unstated")
 
 
 def _corner_sd(mode: Mode, information: FloatArray) -> float:

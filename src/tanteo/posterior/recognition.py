@@ -20,6 +20,7 @@ from tanteo.posterior.answers.results import Answer, Hypothesis
 from tanteo.posterior.candidate_pruning import Active, Unsearched, screen
 from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.decision import Outcome, verdict_of
+from tanteo.posterior.dominant_error import unstated_errors_limit
 from tanteo.posterior.fit_at_mode import GoodnessOfFit, goodness_of_fit
 from tanteo.posterior.furniture_points import without_pose
 from tanteo.posterior.observability_gate import observability_gate
@@ -30,6 +31,7 @@ from tanteo.posterior.problem import Problem
 from tanteo.posterior.result import as_hypothesis, worst_reading
 from tanteo.posterior.sampling.modes import Mode
 from tanteo.posterior.settings import DEFAULTS, Settings
+from tanteo.sensors.error_states import UnstatedError
 
 
 def identify_points(
@@ -44,6 +46,7 @@ def identify_points(
     factors: Sequence[PoseFactor] = (),
     seed: int = 0,
     settings: Settings = DEFAULTS,
+    unstated: Sequence[UnstatedError] = (),
 ) -> Answer:
     """Identify the sensed part and estimate its pose, from measurements with or without labels.
 
@@ -58,6 +61,7 @@ def identify_points(
         factors: further measurements of the pose, such as images and functions of a user.
         seed: seed of the search and the samples.
         settings: settings of the inference.
+        unstated: errors that the points may share although nobody stated them; they widen the covariance of the pose.
 
     Raises:
         InputError: no part, or ``significance`` outside (0, 1).
@@ -73,7 +77,7 @@ def identify_points(
         return Answer("insufficient", (few,), (), 1.0, clock.laps(), seed, significance=significance)
     odds = candidates.log_odds(problem.priors.whole)
     chosen, posterior = _searched(problem, candidates, odds, seed, clock)
-    found, hypotheses = _located(posterior, problem.priors.pose, top)
+    found, hypotheses = _located(posterior, problem.priors.pose, top, unstated)
     clock.lap("locate")
     worst = worst_reading(points, found[0]) if found else None
     alone = replace(posterior.problem, priors=without_pose(points, problem.priors))
@@ -84,12 +88,16 @@ def identify_points(
         significance,
     )
     if check.other is not None:  # the prior is wrong: report the pose that fits without it
-        found, hypotheses = _located(check.other, None, top)
+        found, hypotheses = _located(check.other, None, top, unstated)
         share = 1 - posterior.unknown
         hypotheses = tuple(replace(h, probability=h.probability * share) for h in hypotheses)
     clock.lap("compare")
+    limit = None
+    if hypotheses and unstated:
+        without = as_hypothesis(points, found[0], problem.priors.pose if check.other is None else None).corner_sd
+        limit = unstated_errors_limit(hypotheses[0], without, settings.checks.limiting_share)
     shown = check.other or posterior
-    outcome = Outcome(candidates, chosen, posterior, shown.modes, found, hypotheses, check, worst)
+    outcome = Outcome(candidates, chosen, posterior, shown.modes, found, hypotheses, check, worst, limit)
     status, findings = verdict_of(outcome, significance, shared)
     return Answer(
         status, findings, hypotheses, posterior.unknown, clock.laps(), seed, significance=significance,
@@ -123,12 +131,12 @@ def _searched(
 
 
 def _located(
-    posterior: Posterior, pose: PosePrior | None, top: int
+    posterior: Posterior, pose: PosePrior | None, top: int, unstated: Sequence[UnstatedError]
 ) -> tuple[list[GoodnessOfFit], tuple[Hypothesis, ...]]:
     """Return the goodness of fit of the best and all probable modes, and the best modes as hypotheses."""
     count = max(top, sum(mode.probability > NOTABLE for mode in posterior.modes))
     found = [goodness_of_fit(mode) for mode in posterior.modes[:count]]
-    return found, tuple(as_hypothesis(posterior.problem.points, one, pose) for one in found[:top])
+    return found, tuple(as_hypothesis(posterior.problem.points, one, pose, unstated) for one in found[:top])
 
 
 def _answer(problem: Problem, candidates: Candidates, chosen: Active, seed: int) -> Posterior:

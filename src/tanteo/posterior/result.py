@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,23 +19,28 @@ from tanteo.posterior.answers.pose_prior import PosePrior, prior_rows
 from tanteo.posterior.answers.results import Hypothesis
 from tanteo.posterior.details import details_at
 from tanteo.posterior.fit_at_mode import GoodnessOfFit, face_names
-from tanteo.posterior.sampling.covariances import common_tolerance, mode_covariances
+from tanteo.posterior.sampling.covariances import common_tolerance, mode_covariances, with_unstated_errors
 from tanteo.posterior.sampling.modes import Mode
+from tanteo.sensors.error_states import UnstatedError
 from tanteo.words.findings import WorstReading
 
 
-def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | None = None) -> Hypothesis:
+def as_hypothesis(
+    points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | None = None, unstated: Sequence[UnstatedError] = ()
+) -> Hypothesis:
     """Return the hypothesis of a mode: its pose with the covariance of its samples.
 
     Args:
         points: the measurements.
         one: the mode.
         pose: prior of the pose, which the joint test includes; None to exclude it.
+        unstated: errors that the measurements may share although nobody stated them.
     """
     mode, part, inliers = one.mode, one.mode.prepared.part, one.inliers
     free, distances = one.free, one.at.distances[0]
     covariance, given = mode_covariances(one)
     common, common_given = common_tolerance(points, one)
+    covariance = with_unstated_errors(covariance, points, one, unstated)
     misfit = _joint_misfit(one, pose)
     names = face_names(one)
     return hypothesis_at(

@@ -10,6 +10,7 @@ from tanteo.errors import InputError
 from tanteo.features import SharedError, shared_root, stacked_covariance
 from tanteo.geometry import check_covariances, freeze, frozen_array
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Vectors
+from tanteo.sensors.error_states import UnstatedError
 from tanteo.sensors.noise import beam_cov
 
 
@@ -100,6 +101,7 @@ class PointMeasurements:
             reported.
         material_sides: 1 for the centre of a hole, -1 of a boss, 0 where unknown or no centre.
         rounding: standard deviation of each coordinate by the rounding of its file [m], in addition to ``covs``.
+        unstated: errors that the points are assumed to share because the user states none.
     """
 
     ids: tuple[str, ...]
@@ -120,6 +122,7 @@ class PointMeasurements:
     sizes: tuple[float | None, ...]
     material_sides: tuple[int, ...]
     rounding: float = 0.0
+    unstated: tuple[UnstatedError, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.ids)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,7 @@ from tanteo.geometry.limits import LARGEST, LEAST_SD, check_length, check_number
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Vectors
 from tanteo.sensors.columns import Column
 from tanteo.sensors.devices import Device, Placed, find_devices, place
-from tanteo.sensors.error_states import MOST_STATES, ErrorState, Offset, Sensed
+from tanteo.sensors.error_states import MOST_STATES, ErrorState, Offset, Sensed, unstated_errors
 from tanteo.sensors.measurements import BeamCones, FreeBeams, PointMeasurements
 from tanteo.sensors.noise import beam_cov
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_preset, sensor_preset
@@ -96,17 +97,18 @@ def measure(
     covs = covs + _unaimed(aims, np.array([d.bias_sd for d in devices])[numbers])
     shared += of_devices(placed, aims, devices, numbers, free)
     errors = (*(() if bias_sd is None else (Offset(bias_sd),)), *shared_errors)
-    if errors:
-        units = np.unique([device.unit for device in devices], return_inverse=True)[1][numbers]
-        sensed = Sensed(
-            points, aims, hit, placed.directions, readings.groups, readings.features, placed.T_world_units, units
-        )
-        for error in errors:
-            columns = error.columns(sensed)
-            points = points + error.center * error.sd * columns.points.sum(axis=2)
-            covs = covs if columns.covs is None else covs + columns.covs
-            covs = covs + _unaimed(aims, error.spread * error.sd) if error.along_aim else covs
-            shared.append(of_state(error, columns))
+    units = np.unique([device.unit for device in devices], return_inverse=True)[1][numbers]
+    sensed = Sensed(
+        points, aims, hit, placed.directions, readings.groups, readings.features, placed.T_world_units, units
+    )
+    noise = float(np.sqrt(np.median(np.trace(covs[hit], axis1=1, axis2=2)) / 3)) if hit.any() else 0.0
+    unstated = unstated_errors(sensed, noise, errors, machine=robot is not None)
+    for error in errors:
+        columns = error.columns(sensed)
+        points = points + error.center * error.sd * columns.points.sum(axis=2)
+        covs = covs if columns.covs is None else covs + columns.covs
+        covs = covs + _unaimed(aims, error.spread * error.sd) if error.along_aim else covs
+        shared.append(of_state(error, columns))
     _check_states(shared)
     sizes = readings.hole_radii.coalesce(readings.half_angles)
     return PointMeasurements(
@@ -134,6 +136,7 @@ def measure(
         sizes=tuple(float(sizes[k]) if sizes.given[k] else None for k in np.flatnonzero(hit)),
         material_sides=tuple(_SIDES[readings.material_sides[k]] for k in np.flatnonzero(hit)),
         rounding=readings.step / math.sqrt(12),  # uniform over a step
+        unstated=tuple(replace(one, columns=one.columns[hit]) for one in unstated),
     )
 
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
 import numpy as np
 
 from tanteo.factors import ContactPoints
@@ -10,6 +14,7 @@ from tanteo.geometry import SO3
 from tanteo.geometry.typing import Covariances, FloatArray, Tangents
 from tanteo.posterior.answers.part_motions import part_scale, symmetry_motions, without_symmetry
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
+from tanteo.sensors.error_states import UnstatedError
 
 
 def mode_covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | None]:
@@ -62,21 +67,121 @@ def common_tolerance(points: ContactPoints, one: GoodnessOfFit) -> tuple[Covaria
     """
     if points.tolerance == 0:
         return np.zeros((6, 6)), np.zeros((6, 6))
-    mode, at, part = one.mode, one.at, one.mode.prepared.part
-    n, p, w, per_sd = at.normals[0], at.in_part[0], at.inlier_probability[0], at.per_sd[0]
-    shared = np.einsum("ni,nid->nd", n @ mode.T_peak[:3, :3].T, points.shared_jacobian)
-    J = np.concatenate([-n, SO3.cross(n, p), shared], axis=1)
-    J = np.pad(J, ((0, 0), (0, len(mode.information) - J.shape[1])))
-    weighted = J * (w * points.tolerance * per_sd**2)[:, None]
-    rows = one.free @ np.linalg.inv(part_scale(part))
-    constrained = np.array(mode.information)
-    constrained[:6, :6] += 1e9 * np.abs(constrained).max() * rows.T @ rows
+    at, J, constrained = one.at, _derivatives(points, one), _constrained(one)
+    weighted = J * (at.inlier_probability[0] * points.tolerance * at.per_sd[0] ** 2)[:, None]
     extra = -weighted.T @ weighted
     for face in np.unique(at.faces[0]):
         together = weighted[at.faces[0] == face].sum(axis=0)
         extra = extra + np.outer(together, together)
     shared_jacobian = (_inverse(A) for A in (constrained, constrained[:6, :6]))
     return _gained(next(shared_jacobian)[:6], extra), _gained(next(shared_jacobian), extra[:6, :6])
+
+
+def _derivatives(points: ContactPoints, one: GoodnessOfFit) -> FloatArray:
+    """Return the derivatives of the distances from the surface by all states ``(n, 6 + D)``."""
+    mode, n, p = one.mode, one.at.normals[0], one.at.in_part[0]
+    shared = np.einsum("ni,nid->nd", n @ mode.T_peak[:3, :3].T, points.shared_jacobian)
+    J = np.concatenate([-n, SO3.cross(n, p), shared], axis=1)
+    return np.pad(J, ((0, 0), (0, len(mode.information) - J.shape[1])))
+
+
+def _constrained(one: GoodnessOfFit) -> FloatArray:
+    """Return the information on all states, with motions that nothing constrains fixed."""
+    rows = one.free @ np.linalg.inv(part_scale(one.mode.prepared.part))
+    out = np.array(one.mode.information)
+    out[:6, :6] += 1e9 * np.abs(out).max() * rows.T @ rows
+    return out
+
+
+def with_unstated_errors(
+    covariance: Covariances, points: ContactPoints, one: GoodnessOfFit, errors: Sequence[UnstatedError]
+) -> Covariances:
+    """Return the covariance of the pose with errors that nobody stated.
+
+    The pose stays that of the model without these errors, as for a consider parameter (Schmidt 1966). Its covariance is
+    the mean over models with errors of several sizes, weighted by their evidence (Hoeting et al. 1999). All models are
+    linear at the maximum, and the noise scale is integrated in each.
+
+    Args:
+        covariance: covariance of the pose without these errors ``(6, 6)``.
+        points: the measurements.
+        one: the mode.
+        errors: the errors with the prior of their sizes.
+    """
+    if not errors or not one.inliers.any():
+        return covariance
+    mode, at, scale = one.mode, one.at, one.misfit()
+    root = np.sqrt(at.inlier_probability[0]) * one.per_stated_sd
+    J, residuals = _derivatives(points, one) * root[:, None], -at.distances[0] * root
+    there = at.normals[0] @ mode.T_peak[:3, :3].T
+    columns = [np.einsum("ni,nid->nd", there * root[:, None], error.columns) for error in errors]
+    G = np.concatenate(columns, axis=1)
+    A = _constrained(one) * float(np.median(one.per_stated_sd / at.per_sd[0])) ** 2  # for noise as stated
+    A += _positive(J.T @ J - A)
+    inverse, B, b = _inverse(A), J.T @ G, J.T @ residuals
+    models = _Models(
+        G.T @ G - B.T @ inverse @ B,
+        G.T @ residuals - B.T @ inverse @ b,
+        float(residuals @ residuals - b @ inverse @ b),
+        max(scale.noise_dof + one.states_from_priors(np.zeros((0, 6))), 0.0),
+        scale.log_factor,
+    )
+    gain, counts = -inverse[:6] @ B, [c.shape[1] for c in columns]
+    plain, choices = models.at(np.zeros(len(B.T))), list(product(*(e.sizes.items() for e in errors)))
+    found = [models.at(np.repeat([size for size, _ in sizes], counts)) for sizes in choices]
+    logs = np.array([
+        log + sum(np.log(share) for _, share in sizes) for sizes, (log, *_) in zip(choices, found, strict=True)
+    ])  # fmt: skip
+    weights = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
+    out = np.zeros((6, 6))
+    for weight, (_, square, mean, spread) in zip(weights, found, strict=True):
+        off = gain @ mean
+        out += weight * (square / plain[1] * covariance + gain @ spread @ gain.T + np.outer(off, off))
+    return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Models:
+    """Linear models of the residuals, with the pose and the stated errors eliminated.
+
+    Attributes:
+        information: information on the states of the errors for noise as stated ``(d, d)``.
+        pull: product of their columns and the residuals ``(d,)``.
+        squares: sum of the squared residuals.
+        dof: number of residuals less the states that they determine.
+        log_factor: log of the factor to which the noise is known.
+    """
+
+    information: FloatArray
+    pull: FloatArray
+    squares: float
+    dof: float
+    log_factor: float
+
+    def at(self, sizes: FloatArray) -> tuple[float, float, FloatArray, FloatArray]:
+        """Return log-evidence, mean squared noise scale, mean and covariance of the states.
+
+        Args:
+            sizes: standard deviations of the states over that of the noise ``(d,)``.
+        """
+        precision = np.eye(len(sizes)) + sizes[:, None] * self.information * sizes
+        inner = np.linalg.inv(precision)
+        spread, pull = sizes[:, None] * inner * sizes, sizes * self.pull
+        squares = max(self.squares - float(pull @ inner @ pull), 0.0)
+        z = np.linspace(-4.0, 4.0, 41)
+        s = np.exp(self.log_factor * z)
+        logs = -(z**4) / 16 - self.dof * self.log_factor * z - 0.5 * squares / s**2
+        top = float(logs.max())
+        weights = np.exp(logs - top)
+        square = float(weights @ s**2 / weights.sum())
+        log = top + np.log(weights.sum()) - 0.5 * float(np.linalg.slogdet(precision)[1])
+        return float(log), square, spread @ self.pull, square * spread
+
+
+def _positive(A: FloatArray) -> FloatArray:
+    """Return a symmetric matrix without its negative eigenvalues."""
+    values, vectors = np.linalg.eigh(A)
+    return np.asarray((vectors * values.clip(0.0)) @ vectors.T, dtype=np.float64)
 
 
 def _inverse(A: FloatArray) -> FloatArray:
@@ -87,5 +192,4 @@ def _inverse(A: FloatArray) -> FloatArray:
 
 def _gained(gain: FloatArray, extra: FloatArray) -> Covariances:
     """Return ``gain extra gain'`` without its negative eigenvalues."""
-    values, vectors = np.linalg.eigh(gain @ extra @ gain.T)
-    return np.asarray((vectors * values.clip(0.0)) @ vectors.T)
+    return _positive(gain @ extra @ gain.T)

@@ -14,6 +14,7 @@ _LESSENED = {
     "tip offset": ", or turn the hand more between readings",
     "mounting": ", or turn the hand more between readings",
     "bias": ", or sense from more sides, opposite ones best",
+    "unstated": "; state what is known, such as --robot, --scale-sd 10ppm, --drift-sd or --warp-sd",
     "scale": ", or sense from nearer, or from opposite sides",
 }
 """What else lessens an error that all readings share, by the beginning of its name."""

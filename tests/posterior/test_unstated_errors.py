@@ -1,0 +1,89 @@
+"""Errors that nobody states widen the covariance as their prior and the readings imply."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tanteo
+from bare_scenes import beams, box_centred_pose, inside, nees
+from tanteo.geometry import SE3
+from tanteo.posterior import prepare
+from tanteo.sensors import measure
+from tanteo.sensors.error_states import Drift, Form, Scale
+
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
+NOISE = 1e-4
+TINY = Scale(1e-9), Drift(1e-9), Form(1e-9)
+
+
+@pytest.fixture(scope="module")
+def target():
+    return prepare(tanteo.read_part(PARTS / "housing.step"))
+
+
+def answer(target, k, *, displaced=None, shift=(0, 0, 0), noise=NOISE, **options):
+    """Locate 20 touches of a scene; ``displaced`` maps true points to sensed ones."""
+    rng = np.random.default_rng(k)
+    T = box_centred_pose(rng, 0.3)
+    T[:3, 3] += shift
+    p, d = beams(target, 20, rng, tilt=0.02)
+    p, d = SE3.apply(T, p), d @ T[:3, :3].T
+    points = (p if displaced is None else displaced(p)) + noise * rng.normal(size=p.shape)
+    readings = tanteo.Readings.from_columns(points=points, directions=d, sds=np.full(len(p), noise))
+    return tanteo.locate(readings, target, conventions=False, **options), T
+
+
+def covered(target, count, **options):
+    """Return the number of truths in the 95 % regions."""
+    found = [answer(target, k, **options) for k in range(count)]
+    return sum(bool(inside(*nees(target.part, a.best.T_world_part, a.best.covariance, T))) for a, T in found if a.best)
+
+
+def test_a_world_scale_that_nobody_stated_is_covered(target):
+    assert covered(target, 12, displaced=lambda p: 1.0007 * p) >= 9
+
+
+def test_a_drift_that_nobody_stated_is_covered(target):
+    way = np.linspace(0, 3e-4, 20)[:, None] * np.array([0.6, 0.8, 0.0])
+    assert covered(target, 12, displaced=lambda p: p + way) >= 9
+
+
+def test_even_readings_are_covered_and_not_much_wider(target):
+    pairs = [(answer(target, k)[0].best, answer(target, k, shared_errors=TINY)[0].best) for k in range(6)]
+    ratios = [np.sqrt(np.trace(a.covariance[:3, :3]) / np.trace(b.covariance[:3, :3])) for a, b in pairs]
+    assert 1 < np.median(ratios) < 2.5
+
+
+def test_stated_errors_replace_the_assumed_ones(target):
+    stated, free = (answer(target, 3, shared_errors=e)[0].best.corner_sd for e in (TINY, ()))
+    alone = answer(target, 3, shared_errors=TINY[1:])[0].best.corner_sd
+    assert stated < alone < free
+
+
+def test_assumed_errors_are_in_proportion_to_the_noise(target):
+    coarse, fine = (answer(target, 4, noise=noise)[0].best for noise in (5e-5, 5e-6))
+    assert np.isclose(coarse.corner_sd / fine.corner_sd, 10, rtol=0.3)
+
+
+def test_a_robot_has_its_own_errors_in_place_of_the_scale():
+    readings = tanteo.Readings.from_columns(points=np.eye(3), sds=np.full(3, NOISE))
+    names = [
+        [e.name for e in measure(readings, robot=robot).unstated] for robot in (None, "generic_6axis_uncalibrated")
+    ]
+    assert names == [["scale", "drift", "form"], ["drift", "form"]]
+
+
+def test_the_answer_names_errors_that_nobody_stated(target):
+    found = answer(target, 5, shift=(1.5, 0, 0))[0]
+    named = [one for one in found.findings if one.kind == "shared_error"]
+    assert [one.source for one in named] == ["unstated"]
+    assert "--scale-sd" in found.message
+    assert "unstated" not in [getattr(o, "source", "") for o in answer(target, 5, shared_errors=TINY)[0].findings]
+
+
+def test_a_far_origin_is_not_that_of_a_machine(target):
+    near, far = (answer(target, 7, shift=s)[0].best.corner_sd for s in ((2.0, 0, 0), (50.0, 0, 0)))
+    assert far < 0.5 * near
