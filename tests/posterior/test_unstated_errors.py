@@ -1,4 +1,4 @@
-"""Errors that nobody states widen the covariance as their prior and the readings imply."""
+"""Unstated errors widen the covariance as their prior and the readings imply."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ def covered(target, count, **options):
     return sum(bool(inside(*nees(target.part, a.best.T_world_part, a.best.covariance, T))) for a, T in found if a.best)
 
 
-def test_a_world_scale_that_nobody_stated_is_covered(target):
+def test_an_unstated_world_scale_is_covered(target):
     assert covered(target, 12, displaced=lambda p: 1.0007 * p) >= 9
 
 
-def test_a_drift_that_nobody_stated_is_covered(target):
+def test_an_unstated_drift_is_covered(target):
     way = np.linspace(0, 3e-4, 20)[:, None] * np.array([0.6, 0.8, 0.0])
     assert covered(target, 12, displaced=lambda p: p + way) >= 9
 
@@ -76,7 +76,7 @@ def test_a_robot_has_its_own_errors_in_place_of_the_scale():
     assert names == [["scale", "drift", "form"], ["drift", "form"]]
 
 
-def test_the_answer_names_errors_that_nobody_stated(target):
+def test_the_answer_names_unstated_errors(target):
     found = answer(target, 5, shift=(1.5, 0, 0))[0]
     named = [one for one in found.findings if one.kind == "shared_error"]
     assert [one.source for one in named] == ["unstated"]

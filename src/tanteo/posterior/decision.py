@@ -68,7 +68,7 @@ class Outcome:
         hypotheses: hypotheses that are reported.
         check: agreement of the prior pose with the measurements.
         worst: the reading that contradicts the best hypothesis most; None if no reading is far off.
-        unstated: the finding that errors that nobody stated limit the answer; None if they do not.
+        unstated: the finding that unstated errors limit the answer; None if they do not.
     """
 
     candidates: Candidates

@@ -42,7 +42,7 @@ def dominant_shared_error(one: GoodnessOfFit, shared: Sequence[SharedError]) -> 
 
 
 def unstated_errors_limit(best: Hypothesis, without: float, share: float) -> SharedErrorLimits | None:
-    """Return the finding that errors that nobody stated dominate the uncertainty; None if they do not.
+    """Return the finding that unstated errors dominate the uncertainty; None if they do not.
 
     Args:
         best: the best hypothesis.

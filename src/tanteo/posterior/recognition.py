@@ -61,7 +61,7 @@ def identify_points(
         factors: further measurements of the pose, such as images and functions of a user.
         seed: seed of the search and the samples.
         settings: settings of the inference.
-        unstated: errors that the points may share although nobody stated them; they widen the covariance of the pose.
+        unstated: errors that the points may share although they are not stated; they widen the covariance of the pose.
 
     Raises:
         InputError: no part, or ``significance`` outside (0, 1).

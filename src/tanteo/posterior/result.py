@@ -34,7 +34,7 @@ def as_hypothesis(
         points: the measurements.
         one: the mode.
         pose: prior of the pose, which the joint test includes; None to exclude it.
-        unstated: errors that the measurements may share although nobody stated them.
+        unstated: errors that the measurements may share although they are not stated.
     """
     mode, part, inliers = one.mode, one.mode.prepared.part, one.inliers
     free, distances = one.free, one.at.distances[0]

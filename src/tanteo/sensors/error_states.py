@@ -428,13 +428,13 @@ BENDS: dict[type[ErrorState], dict[float, float]] = {
     Form: {0.0: 0.6, 1.0: 0.1, 3.0: 0.2, 10.0: 0.1},
 }
 """Prior probabilities of the standard deviations of drift and warp over that of the noise, from none to what one
-reading reveals. Rows none, drift and warp of ``benchmarks/honesty.py``: 0.85 covered with drift or warp, at most 0.98
+reading reveals. Rows none, drift and warp of ``benchmarks/assumptions.py``: 0.85 covered with drift or warp, at most 0.98
 without."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnstatedError:
-    """Error that readings may share although nobody states it.
+    """Error that readings may share although it is not stated.
 
     A precise device also has small systematic errors. They are therefore assumed in proportion to the noise.
 

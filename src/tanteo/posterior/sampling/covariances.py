@@ -96,7 +96,7 @@ def _constrained(one: GoodnessOfFit) -> FloatArray:
 def with_unstated_errors(
     covariance: Covariances, points: ContactPoints, one: GoodnessOfFit, errors: Sequence[UnstatedError]
 ) -> Covariances:
-    """Return the covariance of the pose with errors that nobody stated.
+    """Return the covariance of the pose with unstated errors.
 
     The pose stays that of the model without these errors, as for a consider parameter (Schmidt 1966). Its covariance is
     the mean over models with errors of several sizes, weighted by their evidence (Hoeting et al. 1999). All models are
