@@ -427,8 +427,8 @@ BENDS: dict[type[ErrorState], dict[float, float]] = {
     Drift: {0.0: 0.8, 1.0: 0.1, 3.0: 0.07, 10.0: 0.03},
     Form: {0.0: 0.6, 1.0: 0.1, 3.0: 0.2, 10.0: 0.1},
 }
-"""Prior probabilities of the standard deviations of drift and warp over that of the noise, from none to what one
-reading reveals. Rows none, drift and warp of ``benchmarks/assumptions.py``: 0.85 covered with drift or warp, at most 0.98
+"""Prior probabilities of the sd of drift and warp over that of the noise, from none to what one reading
+reveals. Rows none, drift and warp of ``benchmarks/assumptions.py``: 0.85 covered with either, at most 0.98
 without."""
 
 
