@@ -18,10 +18,11 @@ from tanteo.geometry.limits import check_length
 from tanteo.geometry.typing import FloatArray
 from tanteo.parts import Part, part_named
 from tanteo.parts.readers import as_part
-from tanteo.posterior import DEFAULTS, Answer, Priors, Problem, identify_points, sized
+from tanteo.posterior import DEFAULTS, Answer, PosePrior, Priors, Problem, identify_points, sized
 from tanteo.posterior.answers import STATED, check_question, with_elapsed
 from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.convention_checks import about_conventions
+from tanteo.posterior.equal_parts import MOST, equal_parts
 from tanteo.posterior.findings import about_frames, about_readings, scale_of
 from tanteo.posterior.settings import Settings
 from tanteo.sensors import (
@@ -80,6 +81,7 @@ def identify(
     factors: Sequence[PoseFactor] = (),
     seed: int = 0,
     conventions: bool = True,
+    count: int | None = None,
     settings: Settings = DEFAULTS,
 ) -> Answer:
     """Return which of the parts was sensed, and its pose.
@@ -113,6 +115,8 @@ def identify(
         conventions: whether, if no part explains the readings, usual mistakes (units, directions, quaternions, radius)
             are undone one by one and the search is repeated; a finding names the mistake that fits. Each takes a
             search.
+        count: number of equal parts that the readings are of. None: several are considered if one leaves seven
+            readings or more unexplained; each then has its own answer, see :attr:`tanteo.Answer.equal`.
         settings: numbers of the search, the sampler and the checks.
 
     Returns:
@@ -129,6 +133,7 @@ def identify(
     """
     start = time.perf_counter()
     check_length("tolerance", tolerance)
+    _check_count(count)
     parts = check_question(parts, significance, top, seed, priors)
     check_readings_kind("readings", readings)
     readings, repeated = without_repeats(readings)
@@ -175,6 +180,13 @@ def identify(
         answer = _with_estimated_noise(answer, unstated, measured.rounding)
     if assumed:
         answer = answer.adding(tip)
+    question = Query(
+        sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig,
+        shared_errors=shared_errors, significance=significance, priors=priors, views=views, factors=factors,
+        seed=seed, settings=settings,
+    )  # fmt: skip
+    several = equal_parts(answer, readings, parts, question, count)
+    answer = answer if several is None else several
     if answer.status == "unknown" and placed and not any(isinstance(f, PriorContradicted) for f in answer.findings):
         answer = answer.adding(CheckPrior())
     answer = _without_features(answer, readings, parts)
@@ -191,16 +203,17 @@ def identify(
     note: Finding | None = None
     if conventions:
         start = time.perf_counter()
-        question = Query(
-            sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig,
-            shared_errors=shared_errors, significance=significance, priors=priors, views=views, factors=factors,
-            seed=seed, settings=settings,
-        )  # fmt: skip
         note = about_conventions(answer, readings, parts, question, placed=placed, settings=settings)
         answer = with_elapsed(answer, conventions=time.perf_counter() - start)
     note = note or frames  # a mistake that explains the readings is more specific than an odd frame
     answer = replace(answer, frame=readings.frame, stamp=readings.stamp)
     return answer if note is None else answer.adding(note)
+
+
+def _check_count(count: int | None) -> None:
+    """Check the stated number of equal parts."""
+    if count is not None and not (isinstance(count, int) and 1 <= count <= MOST):
+        raise InputError(f"count: expected a number of equal parts from 1 to {MOST}, got {count!r}.")
 
 
 _MOST_EXAMINED = 20
@@ -252,17 +265,33 @@ class Query:
         priors = sized(priors, float(candidates.radii.max()))
         return Problem(points, as_free_rays(measured, tolerance), priors, settings=settings), candidates
 
-    def answer(self, readings: Readings, parts: Sequence[Part], *, shared_errors: Sequence[ErrorState] = ()) -> Answer:
+    def answer(
+        self,
+        readings: Readings,
+        parts: Sequence[Part],
+        *,
+        shared_errors: Sequence[ErrorState] = (),
+        outlier_rate: float | None = None,
+        anywhere: bool = False,
+    ) -> Answer:
         """Return the answer for other readings or parts, without checks of conventions.
 
         Args:
             readings: the readings.
             parts: the candidates.
             shared_errors: errors that the readings share, in addition to those of the first inference.
+            outlier_rate: rate of outliers; None for that of the first inference.
+            anywhere: whether to omit the prior pose and the box; a table remains.
         """
         errors = (*self._options.get("shared_errors", ()), *shared_errors)
-        own = self._options | {"shared_errors": errors}
-        return identify(readings, parts, **own, top=1, conventions=False)
+        priors: Priors = self._options.get("priors") or Priors()
+        if outlier_rate is not None:
+            priors = replace(priors, outlier_rate=outlier_rate)
+        if anywhere and priors.pose is not None:
+            table = priors.pose.table
+            priors = replace(priors, pose=None if table is None else PosePrior(table=table))
+        own = self._options | {"shared_errors": errors, "priors": priors}
+        return identify(readings, parts, **own, top=1, conventions=False, count=1)
 
 
 def _with_tip(
@@ -386,6 +415,7 @@ def locate(
     factors: Sequence[PoseFactor] = (),
     seed: int = 0,
     conventions: bool = True,
+    count: int | None = None,
     settings: Settings = DEFAULTS,
 ) -> Answer:
     """Return the pose of a known part; the readings may still come from another object.
@@ -411,6 +441,7 @@ def locate(
         factors: further measurements of the pose.
         seed: seed of the random numbers.
         conventions: whether usual mistakes are undone and searched again if the part does not fit.
+        count: number of equal parts that the readings are of; None if not known.
         settings: numbers of the search, the sampler and the checks.
 
     Raises:
@@ -426,5 +457,5 @@ def locate(
         readings, [as_part("part", part)], sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd,
         bias_sd=bias_sd, shared_errors=shared_errors, rig=rig, significance=significance, top=top,
         as_published=as_published, priors=priors,
-        views=views, factors=factors, seed=seed, conventions=conventions, settings=settings,
+        views=views, factors=factors, seed=seed, conventions=conventions, count=count, settings=settings,
     )  # fmt: skip

@@ -235,3 +235,27 @@ def test_the_log_of_a_robot_is_a_readings_file(run, tmp_path):
     read = read_readings(path)
     assert len(read) == len(rows)
     assert read.Ts_world_hand.given.all()
+
+
+def test_a_frame_of_one_of_two_equal_parts(run, tmp_path):
+    rows = READINGS.read_text().splitlines()
+    header = next(k for k, row in enumerate(rows) if "x_mm" in row)
+    names = rows[header].split(",")
+    x, name = names.index("x_mm"), names.index("id")
+    cells = [row.split(",") for row in rows[header + 1 :]]
+    moved = [[*c] for c in cells]
+    for c in moved:
+        c[x], c[name] = f"{float(c[x]) + 300:.4f}", f"b{c[name]}"
+        if "feature" in names and c[names.index("feature")]:
+            c[names.index("feature")] += "b"
+    path = tmp_path / "two.csv"
+    path.write_text("\n".join([rows[header], *(",".join(c) for c in cells + moved)]) + "\n")
+    words = ("locate", path, "--part", BRACKET, "--sd", "0.1mm", "--as", "matrix")
+    refused = run(*words)
+    assert refused.out == ""
+    assert "expected --which from 1 to 2, because 2 equal parts were sensed" in refused.err
+    second = run(*words, "--which", "2")
+    assert "\n2. bracket_left at x 720.03" in second.err
+    assert "0.72003" in second.out
+    document = json.loads(run(*words, "--json").out)
+    assert [round(one["pose"]["position_m"][0], 3) for one in document["equal_parts"]] == [0.42, 0.72]

@@ -36,14 +36,19 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     start = time.perf_counter()
     if options.as_published:
         _check_published(known, options)
-    words = controller.Words(options.pose_as, options.wcs, options.best_guess, options.accept_turn_lost)
+    words = controller.Words(
+        options.pose_as, options.wcs, options.best_guess, options.accept_turn_lost, which=options.which
+    )
     files.check_report(options.report)
     sources = [("the readings", readings), ("--rig", options.rig)]
     sources += [("--image", image) for image in options.image or ()]
     sources += [("--camera", camera) for camera in options.camera or ()]
     sources += [("--factor", text.partition("=")[2]) for text in options.factor or ()]
     files.check_different(("--report", options.report), inputs=sources, parts=parts)
-    reply = ask(readings, parts, options, file, known, top=options.top, as_published=options.as_published)
+    reply = ask(
+        readings, parts, options, file, known, top=options.top, count=options.count,
+        as_published=options.as_published,
+    )  # fmt: skip
     given, result, loaded = reply.given, reply.answer, reply.loaded - start
     words = replace(words, doubt=given.doubt)
     if not options.as_published:
@@ -98,6 +103,7 @@ def ask(
     known: posterior.PosePrior | None,
     *,
     top: int,
+    count: int | None = None,
     as_published: bool = False,
 ) -> Reply:
     """Read all files of a question, and answer it.
@@ -109,6 +115,7 @@ def ask(
         file: options for the file of readings.
         known: prior knowledge of the pose; None for none.
         top: largest number of hypotheses.
+        count: number of equal parts; None if not known.
         as_published: whether to use the equations of the paper.
     """
     factors = options.factors()
@@ -132,7 +139,9 @@ def ask(
         "priors": priors, "factors": factors, "views": () if many else views, "seed": options.seed,
     }  # fmt: skip
     with misuse(always=False):
-        answer = identify(given.readings, given.parts, **chosen, top=top, as_published=as_published, conventions=False)
+        answer = identify(
+            given.readings, given.parts, **chosen, top=top, count=count, as_published=as_published, conventions=False
+        )
     return Reply(given, chosen, answer, loaded)
 
 

@@ -108,10 +108,12 @@ class Options(Evidence):
     """Options of ``identify`` and ``locate``."""
 
     top: args.Top = TOP
+    count: args.Count = None
     as_published: args.AsPublished = False
     need: args.Need = None
     report: args.Report = None
     pose_as: controller.PoseAs = None
     wcs: controller.Wcs = None
+    which: controller.Which = None
     best_guess: controller.BestGuess = False
     accept_turn_lost: controller.AcceptTurnLost = False

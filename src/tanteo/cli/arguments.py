@@ -270,6 +270,15 @@ Top = Annotated[
     _answer("--top", None, "Print at most this many hypotheses."),
     Words(partial(typed.at_least, "--top", 1, f"Use {TOP}"), int),
 ]
+Count = Annotated[
+    int | None,
+    _answer(
+        "--count",
+        None,
+        "Number of equal parts that the readings are of; without it, several are found if one fits too few.",
+    ),
+    Words(partial(typed.at_least, "--count", 1, "Use 2"), int),
+]
 AsPublished = Annotated[bool, _answer("--as-published", None, "Use the equations as the paper of 1991 prints them.")]
 Seed = Annotated[int, _answer("--seed", None, "Seed of the search: the same seed gives the same answer."), SEED]
 

@@ -60,6 +60,13 @@ Wcs = Annotated[
     ),
     typed.Words(_work_frame),
 ]
+Which = Annotated[
+    int | None,
+    _output(
+        "--which", "NUMBER", "With --as or --wcs: number of the part to write, if several equal parts were sensed."
+    ),
+    typed.Words(partial(typed.at_least, "--which", 1, "Use 1"), int),
+]
 BestGuess = Annotated[
     bool, _output("--best-guess", None, "With --as or --wcs: write the best pose of an ambiguous answer, too.")
 ]
@@ -81,6 +88,7 @@ class Words:
         best_guess: whether to write the best pose of an ambiguous or insufficient answer.
         accept_turn_lost: whether to write a frame that omits a rotation of the part.
         doubt: probable mistake in the readings that is not a finding of the answer; empty for none.
+        which: number of the part that is written, of several equal ones; None if there is one.
     """
 
     pose_as: str | None
@@ -88,12 +96,15 @@ class Words:
     best_guess: bool
     accept_turn_lost: bool = False
     doubt: str = ""
+    which: int | None = None
 
     def __post_init__(self) -> None:
         if self.pose_as is not None and self.wcs is not None:
             raise MisuseError("--as, --wcs: expected one of the two, got both. Run it once for each.")
         if self.best_guess and not self:
             raise MisuseError("--best-guess: expected with --as or --wcs, got neither. Add one, or drop --best-guess.")
+        if self.which is not None and not self:
+            raise MisuseError("--which: expected with --as or --wcs, got neither. Add one, or drop --which.")
         if self.accept_turn_lost and self.wcs is None:
             raise MisuseError("--accept-turn-lost: expected with --wcs, got none. Add it, or drop --accept-turn-lost.")
 
@@ -113,7 +124,7 @@ class Words:
             parts: candidate parts.
         """
         key = "as" if self.wcs is None else "wcs"
-        why = self.refused(answer)
+        why, answer = self.refused(answer), self._chosen(answer)
         if why is not None:
             return {key: {"text": None, "refused": why}}
         if self.wcs is not None:
@@ -132,7 +143,7 @@ class Words:
             answer: answer to write.
             parts: candidate parts.
         """
-        why = self.refused(answer)
+        why, answer = self.refused(answer), self._chosen(answer)
         if why is not None:
             complain("error", f"{self.option}: {why}")
             return ""
@@ -156,6 +167,11 @@ class Words:
         Args:
             answer: answer to write.
         """
+        count = 1 + len(answer.equal)
+        if (self.which or 1) > count:
+            return f"expected --which from 1 to {count}, got {self.which}. Nothing is written."
+        if answer.equal and self.which is None:
+            return f"expected --which from 1 to {count}, because {count} equal parts were sensed, got none. Add it."
         if answer.status == "unknown" or not answer.hypotheses:
             return f"expected an answer that names a part and its pose, got {answer.status}. Nothing is written."
         if self.best_guess:
@@ -174,6 +190,11 @@ class Words:
             f"expected a decided answer, got {answer.status}: no pose is written for a program. Sense more, or use "
             "--best-guess to write the best pose."
         )
+
+    def _chosen(self, answer: Answer) -> Answer:
+        """Return the answer for the part that is written."""
+        k = (self.which or 1) - 1
+        return answer if not 0 < k <= len(answer.equal) else answer.equal[k - 1]
 
     def _frame(self, answer: Answer, parts: Sequence[Part]) -> io.poses.WrittenFrame:
         from tanteo.parts import part_named

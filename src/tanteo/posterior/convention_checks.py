@@ -54,13 +54,23 @@ class Query(Protocol):
     def problem(self, readings: Readings, parts: Sequence[Part]) -> tuple[Problem, Candidates]:
         """Return the measurements and priors of the inference for other readings, and its candidate parts."""
 
-    def answer(self, readings: Readings, parts: Sequence[Part], *, shared_errors: Sequence[ErrorState] = ()) -> Answer:
+    def answer(
+        self,
+        readings: Readings,
+        parts: Sequence[Part],
+        *,
+        shared_errors: Sequence[ErrorState] = (),
+        outlier_rate: float | None = None,
+        anywhere: bool = False,
+    ) -> Answer:
         """Return the answer for other readings or parts, without checks of conventions.
 
         Args:
             readings: the readings.
             parts: the candidates.
             shared_errors: errors that the readings share, in addition to those of the first inference.
+            outlier_rate: rate of outliers; None for that of the first inference.
+            anywhere: whether to omit the prior pose and the box; a table remains.
         """
 
 

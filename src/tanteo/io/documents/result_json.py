@@ -70,6 +70,11 @@ def recognition_document(answer: Answer, frame: str | None = None) -> dict[str, 
         "unknown_probability": float(answer.unknown_probability),
         "missed_probability": float(answer.missed_probability), "elapsed_s": answer.elapsed,
     }  # fmt: skip
+    if answer.equal:
+        document["equal_parts"] = [
+            {"unknown_probability": float(one.unknown_probability), **_hypothesis(one.hypotheses[0], frame)}
+            for one in (answer, *answer.equal)
+        ]
     if answer.findings:
         document["findings"] = [finding_document(one) for one in answer.findings]
     return dict(strict(document))

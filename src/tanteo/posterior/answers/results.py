@@ -104,6 +104,7 @@ class Answer(Value):
         parts: probability of each part over all of its poses, most probable first; also of poses that are not reported.
         missed_probability: estimated probability of poses that the search missed; the probabilities of hypotheses and
             parts contain this doubt, so that all together sum to one.
+        equal: answers for further parts that are equal to the best one, each from its own readings.
 
     Example:
         >>> part = tanteo.read_part("parts/bracket_left.step")
@@ -123,6 +124,7 @@ class Answer(Value):
     stamp: float = math.nan
     parts: tuple[tuple[str, float], ...] = ()
     missed_probability: float = 0.0
+    equal: tuple[Answer, ...] = ()
 
     @property
     def message(self) -> str:

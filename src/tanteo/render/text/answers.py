@@ -37,11 +37,15 @@ def answer_lines(
         verbose: whether to add the pose as a matrix, the pairings, and the times of the stages.
         layout: width and style of the output.
     """
-    lines = [layout.bold(printable(_headline(answer, frame or answer.frame)))]
+    first = "1. " if answer.equal else ""
+    lines = [layout.bold(printable(first + _headline(answer, frame or answer.frame)))]
     lines += [f"  known       {printable(prior_words(known))}"] if known is not None else []
     best = answer.hypotheses[0] if answer.hypotheses else None
     if best is not None:
         lines += _details(best, verbose=verbose)
+    for k, other in enumerate(answer.equal, start=2):
+        lines += ["", layout.bold(printable(f"{k}. {_headline(other, frame or answer.frame)}"))]
+        lines += _details(other.hypotheses[0], verbose=verbose)
     if len(answer.hypotheses) > 1:
         lines += ["", "It could also be:", *_others(answer.hypotheses[1:], layout)]
     if answer.status == "unknown" and best is not None and best.probability > answer.unknown_probability:

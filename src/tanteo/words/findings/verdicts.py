@@ -29,6 +29,29 @@ class Located(Finding):
 
 
 @dataclass(frozen=True, slots=True)
+class SeveralEqual(Finding):
+    """Several equal parts, each at its pose with its own readings.
+
+    Attributes:
+        part: name of the part.
+        readings: ids of the readings of each part.
+        positions: position of each part in the world [m].
+        corner_sds: largest corner sd of each part [m].
+        statuses: status of each part.
+        left: ids of the readings that are on none of them.
+    """
+
+    kind: ClassVar[str] = "several_equal"
+    role: ClassVar[Role] = "verdict"
+    part: str
+    readings: tuple[tuple[str, ...], ...]
+    positions: tuple[tuple[float, ...], ...]
+    corner_sds: tuple[float, ...]
+    statuses: tuple[str, ...]
+    left: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class PoseWithin(Finding):
     """A part in one of several poses that differ by less than the tolerance of the goal.
 

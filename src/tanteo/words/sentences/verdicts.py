@@ -24,6 +24,42 @@ def _(one: f.Located) -> Words:
 
 
 @words_of.register
+def _(one: f.SeveralEqual) -> Words:
+    """Name each part with its readings."""
+    number = _NUMBERS.get(len(one.readings), str(len(one.readings)))
+    each = [
+        f"{k} at x {1e3 * x:.2f} y {1e3 * y:.2f} z {1e3 * z:.2f} mm to {millimetres(sd)}, from {_runs(ids)}"
+        f"{'' if status == 'recognized' else f' ({status})'}"
+        for k, ((x, y, z), sd, ids, status) in enumerate(
+            zip(one.positions, one.corner_sds, one.readings, one.statuses, strict=True), start=1
+        )
+    ]
+    left = f" On none of them: {_runs(one.left)}." if one.left else ""
+    return f"The readings are of {number} equal parts, {number} of {one.part}: {'; '.join(each)}.{left}", (
+        "Use --count 1 if only one part was sensed. With --wcs or --as choose one by --which."
+    )
+
+
+_NUMBERS = {2: "two", 3: "three", 4: "four"}
+
+
+def _runs(ids: tuple[str, ...]) -> str:
+    """Return ids as text, with consecutive numbers as runs."""
+    shown = list[str]()
+    first = 0
+    for k in range(len(ids)):
+        follows = k + 1 < len(ids) and ids[k].isdecimal() and ids[k + 1] == str(int(ids[k]) + 1)
+        if not follows:
+            shown += [f"{ids[first]} to {ids[k]}"] if k - first > 1 else list(ids[first : k + 1])
+            first = k + 1
+    more = f" and {len(shown) - _SHOWN_RUNS} more" if len(shown) > _SHOWN_RUNS else ""
+    return f"readings {', '.join(shown[:_SHOWN_RUNS])}{more}"
+
+
+_SHOWN_RUNS = 12
+
+
+@words_of.register
 def _(one: f.PoseWithin) -> Words:
     what = f"The possible places of {one.feature} differ" if one.feature else "Its possible poses differ"
     within = f"less than the tolerance of {millimetres(one.tolerance, 3)}"
