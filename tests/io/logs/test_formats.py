@@ -374,3 +374,79 @@ def test_the_step_is_that_of_the_last_digit(tmp_path, cells, step):
 def test_the_step_of_inches_is_in_metres(tmp_path):
     readings = read_readings(save(tmp_path, "$13=1\n[PRB:1.0001,2.0,-3.5:1]\n[PRB:4.0,2.5,-3.5:1]\n"), radius=0.0)
     assert readings.step == pytest.approx(2.54e-6)
+
+
+PLACES = [(10.25, 20.5, 30.125), (60.75, 20.5, 30.125), (60.75, 80.25, 30.25), (10.25, 80.25, 12.5)]
+
+
+def table(header, row, places=PLACES, comma=False):
+    lines = [row.format(k, *(f"{v:.3f}".replace(".", "," if comma else ".") for v in p)) for k, p in enumerate(places)]
+    return "\n".join([header, *lines]) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "comma"),
+    [
+        ("Point;X mesuré;Y mesuré;Z mesuré;Ecart", "P{};{};{};{};0,01", True),
+        ("Punto;X medido;Y medido;Z medido;Desviación", "P{};{};{};{};0,01", True),
+        ("点号,X实测,Y实测,Z实测,备注", "P{},{},{},{},", False),
+        ("点名,X座標,Y座標,Z座標", "P{},{},{},{}", False),
+        ("Punkt;X;Y;Z;Ist X;Ist Y;Ist Z", "P{0};0,5;0,5;0,5;{1};{2};{3}", True),
+        ("ID,XMM,YMM,ZMM", "{},{},{},{}", False),
+        ("Feature,X,Y,Z,A,B,Pass/Fail", "P{},{},{},{},90,-90,PASS", False),
+    ],
+)
+def test_names_of_columns_in_other_words(tmp_path, header, row, comma):
+    readings = read_readings(save(tmp_path, table(header, row, comma=comma)), units=None if "MM" in header else "mm")
+    np.testing.assert_allclose(1e3 * readings.points.values, PLACES)
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "comma"),
+    [
+        ("x;y;d", "{1};{2};8,010", True),
+        ("Bohrung;X-Pos;Y-Pos;Durchmesser", "{};{};{};8,010", True),
+        ("Hole,X (mm),Y (mm),Diameter (mm),remark", "H{},{},{},8.01,ok", False),
+        ("# plug plate\nX Y D", "{1} {2} 8.01", False),
+        ("X,Y,Dia\nmm,mm,mm", "{1},{2},8.01", False),
+    ],
+)
+def test_a_table_without_heights_holds_centres(tmp_path, header, row, comma):
+    stated = "mm" not in header
+    readings = read_readings(save(tmp_path, table(header, row, comma=comma)), units="mm" if stated else None)
+    assert set(readings.kinds) == {"centre"}
+    np.testing.assert_allclose(1e3 * readings.points.values[:, :2], [p[:2] for p in PLACES])
+    np.testing.assert_allclose(readings.hole_radii.values, 4.005e-3)
+
+
+def test_the_measured_value_of_a_renishaw_report_counts(tmp_path):
+    rows = "".join(
+        f"FEATURE NO {k}\n"
+        + "".join(f"POSN {a} {v:.3f} ACTUAL {v + 0.01:.3f} TOL 0.1 DEV 0.01\n" for a, v in zip("XYZ", p))
+        for k, p in enumerate(PLACES)
+    )
+    readings = read_readings(save(tmp_path, rows), units="mm")
+    np.testing.assert_allclose(1e3 * readings.points.values, np.array(PLACES) + 0.01)
+
+
+def test_two_nearly_equal_points_a_row_are_refused(tmp_path):
+    rows = table("", "P{0} {1} {2} {3} {1}1 {2}1 {3}1 0.001").lstrip()
+    with pytest.raises(ReadingsError, match="nominal and measured"):
+        read_readings(save(tmp_path, rows), units="mm")
+
+
+def test_names_of_features_may_repeat_but_ids_may_not(tmp_path):
+    rows = "a,1,2,3\na,4,5,6\n,7,8,9\n"
+    assert read_readings(save(tmp_path, "Name,x_mm,y_mm,z_mm\n" + rows)).ids == ("a", "a.2", "3")
+    with pytest.raises(ReadingsError, match="every reading"):
+        read_readings(save(tmp_path, "id,x_mm,y_mm,z_mm\n" + rows))
+
+
+def test_a_table_of_heidenhain_ends(tmp_path):
+    rows = table("BEGIN POINTS.PNT MM\nNR X Y Z", "{} {} {} {}") + "[END]\n"
+    np.testing.assert_allclose(1e3 * read_readings(save(tmp_path, rows), units="mm").points.values, PLACES)
+
+
+def test_system_variables_of_a_skip_signal_are_positions(tmp_path):
+    rows = table("", "#5061={1} #5062={2} #5063={3}").lstrip()
+    np.testing.assert_allclose(1e3 * read_readings(save(tmp_path, rows), units="mm").points.values, PLACES)

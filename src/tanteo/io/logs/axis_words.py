@@ -21,7 +21,11 @@ _AXIS = r"(?:[ _-]?(?:axis|achse|act(?:ual)?|ist|meas(?:ured)?|pos(?:ition)?))?"
 _WORD = re.compile(rf"(?<![A-Za-z_])([XYZIJK]){_AXIS}[ \t]*[:=]?[ \t]*{_VALUE}", re.IGNORECASE)
 _CODE = re.compile(r"(?<![A-Za-z])[GM]\d", re.IGNORECASE)
 _POSITION_REPORT = re.compile(r"\bE:\s*[-\d]|\bCount\b")
-_NAME = re.compile(r"\s*([A-Za-z][\w.-]{0,40}|\d{1,9})\s*[,;:]?\s+(?=[XYZ])", re.IGNORECASE)
+_NOMINAL = re.compile(r"\b([XYZ])([ \t]*)[-+\d.,]+[ \t]+ACTUAL\b", re.IGNORECASE)
+"""A nominal position before the measured one, as Renishaw's Inspection Plus prints: ``POSN X 10. ACTUAL 10.002``."""
+_MACRO = re.compile(r"#506([123])[ \t]*(?==)")
+"""System variables of FANUC and Haas with the position of the skip signal (Haas, "Macro variables")."""
+_NAME = re.compile(r"\s*(?![XYZ][-+ ]*[\d.])([A-Za-z][\w.-]{0,40}|\d{1,9})\s*[,;:]?\s+(?=[XYZ])", re.IGNORECASE)
 _ROWS = 40
 """Number of lines in which the header of a table is searched: names such as x1 in its cells are no words."""
 _ENOUGH = 3
@@ -67,7 +71,12 @@ def read(contents: Contents) -> Log:
         outward = None if np.isnan(outward).all() else outward
     notes = [f"{counted(lost, 'position')} without all of their words excluded."] if lost else []
     names = [name for _, name, _ in found]
-    return Log(points=points, outward=outward, ids=unique(names) if all(names) else None, notes=tuple(notes))
+    return Log(
+        points=points,
+        outward=outward,
+        ids=unique(names) if all(names) and len(set(names)) > 1 else None,
+        notes=tuple(notes),
+    )
 
 
 def _positions(lines: list[str]) -> tuple[list[tuple[int, str, dict[str, str]]], int]:
@@ -78,6 +87,8 @@ def _positions(lines: list[str]) -> tuple[list[tuple[int, str, dict[str, str]]],
     for k, line in enumerate(lines, start=1):
         if _POSITION_REPORT.search(line):
             continue
+        line = _MACRO.sub(lambda match: "XYZ"[int(match[1]) - 1], line)
+        line = _NOMINAL.sub(r"\1\2", line)
         here = [(axis.upper(), sign + number.replace(",", ".")) for axis, sign, number in _WORD.findall(line)]
         for axis, value in here:
             if axis in words:

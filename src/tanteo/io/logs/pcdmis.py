@@ -97,6 +97,8 @@ def _of_report(lines: list[str]) -> tuple[list[Feature], int, list[str]]:
 
     def end() -> None:
         nonlocal left
+        if shape in ("circle", "cylinder") and {"X", "Y", "D"} <= axes.keys():
+            axes.setdefault("Z", "0")  # a centre counts at any height
         if set("XYZ") <= axes.keys():
             diameter = axes.get("D", "") if shape else ""
             features.append(Feature(first, name, shape, "", [axes[a] for a in "XYZ"], [], diameter))

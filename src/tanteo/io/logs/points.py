@@ -72,10 +72,28 @@ def read_points(contents: Contents) -> Log:
     if rows.values.shape[1] < 3:
         contents.fail("three numbers a row or more", str(rows.values.shape[1]), "Use another --format.")
     columns = _normal_columns(rows)
+    _refuse_pairs(contents, rows)
     normals = rows.values[:, columns] if columns else None
     return Log(
         points=rows.values[:, :3], normals=normals, ids=_ids(rows), notes=_notes(rows, 3 + len(columns), columns)
     )
+
+
+_PAIR = 0.02
+"""Definition: largest distance of a measured from a nominal point, as a fraction of the extent of all points."""
+
+
+def _refuse_pairs(contents: Contents, rows: NumberRows) -> None:
+    """Refuse rows with two points, nominal and measured, whose order only the author knows."""
+    if rows.names or rows.values.shape[1] < 6 or len(rows.values) < 3:
+        return
+    first, second = rows.values[:, :3], rows.values[:, 3:6]
+    away = np.linalg.norm(second - first, axis=1).max()
+    if away < _PAIR * np.linalg.norm(np.ptp(first, axis=0)):
+        contents.fail(
+            "one point a row", "two that differ little: nominal and measured?",
+            "Name the columns in a header: nominal_x,nominal_y,nominal_z,x,y,z if the measured point is second.",
+        )  # fmt: skip
 
 
 def _ids(rows: NumberRows) -> tuple[str, ...] | None:

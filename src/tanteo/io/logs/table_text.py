@@ -21,6 +21,10 @@ _LEAST = 3
 """Smallest number of columns of a table of readings."""
 
 
+_END = "[END]"
+"""Last line of a table of Heidenhain (``BEGIN POINTS.PNT MM``, ``NR X Y Z``)."""
+
+
 class Lines:
     """Iterator over the lines of a table, which counts line numbers.
 
@@ -45,8 +49,8 @@ class Lines:
     def __iter__(self) -> Iterator[str]:
         line = "\n"
         for self.number, line in enumerate(self._text, start=1):  # noqa: B020
-            # letters, digits and signs come after '#': most lines need no second look
-            if line[0] > "#" or ((bare := line.lstrip()) and bare[0] != "#"):
+            # small letters come after '#' and '[': such lines need no second look
+            if line[0] > "[" or ((bare := line.strip()) and bare[0] != "#" and bare != _END):
                 if self._titles or (self.number == 1 and _SEPARATOR.fullmatch(line)):
                     self._titles = max(self._titles - 1, 0)
                     continue

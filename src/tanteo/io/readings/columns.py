@@ -21,6 +21,7 @@ from tanteo.io.readings.headers import (
     with_id,
     with_true_distance,
     with_unit,
+    without_nominal,
 )
 from tanteo.io.readings.units import ANGLE_UNITS, LENGTH_UNITS
 
@@ -133,7 +134,8 @@ def read_header(
     if any("|" in name for name in written):
         shown = show(" ".join(written))
         raise ReadingsError(f"{place}: expected commas between columns, got '{shown}'. Write it comma-separated.")
-    names = as_hand(with_true_distance(with_group(with_id([canonical(name) for name in written]))))
+    canonicals = without_nominal([canonical(name) for name in written], written)
+    names = as_hand(with_true_distance(with_group(with_id(canonicals))))
     names = [with_unit(name, unit) for name, unit in zip(names, below, strict=True)] if below else names
     notation = notation_of(names)
     own = {name: _brand_unit(name, brand, notation) for name in names}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from unicodedata import combining, normalize
 
 _BRACKETS = re.compile(r"(.*?)[\s_]*[\[({<]\s*([^\[\](){}<>]{0,20}?)\s*[\])}>]")
 _SLASH = re.compile(r"(.+?)\s*/\s*(\w+|°)")
@@ -13,15 +14,23 @@ _UNIT_WORDS = {
     "metre": "m", "metres": "m", "inch": "in", "inches": "in", '"': "in", "micron": "um", "microns": "um",
     "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg", "radian": "rad", "radians": "rad",
 }  # fmt: skip
-_ACTUAL = re.compile(r"^(?:actual|act|measured|meas|ist)_|_(?:actual|act|measured|meas|ist)(?=_|$)")
+_MEASURED = "actual|act|measured|meas|ist|gemessen|mesuree?|medid[oa]|misurat[oa]|gemeten|zmierzon[aey]|uppmatt|実測|实测|測定|测量"
+"""Words for measured values, in ten languages."""
+_ACTUAL = re.compile(rf"^(?:{_MEASURED})_|_?(?:(?<=_)|(?<=[xyz]))(?:{_MEASURED})(?=_|$)")
 _BESIDE = re.compile(
     r"(?:time|t|stamp|timestamp|time_stamp|date|datetime|comments?|remarks?|notes?|operator|temp|temperature|feed|feedrate|speed"
     r"|serial|batch|tol|tolerance|upper_tol|lower_tol|dev|deviation|result|out_of_tol|(?:nominal|nom|soll|dev|deviation)_\w+"
     r"|\w+_(?:nominal|nom|soll|dev|deviation|tol))(?:_(?:mm|in|um|m|deg|rad|s|ms|c))?"
 )
 _COORDINATE = re.compile(
-    r"(?:coord(?:inate)?s?_)?([xyz])(?:_(?:coord(?:inate)?|koord(?:inate)?|wert|value|val|axis|achse|pos))?(_(?:mm|m|um|in))?"
+    r"(?:(?:coord(?:inate)?s?|pos(?:ition)?|wert|value|valeur|valore?|waarde)_)?([xyz])(?:_?(?:座標|坐标|値|值)"
+    r"|_(?:coord(?:inate)?|koord(?:inate)?|wert|value|val|valeur|valore?|waarde|axis|achse|axe|eje|pos(?:ition)?))?"
+    r"(_?(?:mm|um|in)|_m)?"
 )
+_DIAMETER = re.compile(
+    r"(?:(?:hole|bore|bohrung|loch)_)?(?:d|dia|diam|diameter|durchmesser|diametre|diametro|ø|⌀|φ|直径)"
+)
+"""Name of the diameter of a hole in a table of holes without heights."""
 _NAMES = (
     "no",
     "nr",
@@ -39,6 +48,12 @@ _NAMES = (
     "punkt",
     "messpunkt",
     "punktname",
+    "punto",
+    "punt",
+    "hole",
+    "bohrung",
+    "点名",
+    "点号",
 )
 _GROUPS_OF_READINGS = (
     "line", "scan_line", "line_no", "line_number", "profile", "scan", "pass", "collection",
@@ -78,6 +93,7 @@ def canonical(cell: str) -> str:
         cell: header cell as written.
     """
     text = cell.strip().strip("\"'").strip().lower().replace("µ", "u").replace("μ", "u")
+    text = text if text.isascii() else "".join(c for c in normalize("NFKD", text) if not combining(c))
     if len(text) > _LONGEST:
         return text
     match = _BRACKETS.fullmatch(text) or _SLASH.fullmatch(text)
@@ -92,7 +108,7 @@ def canonical(cell: str) -> str:
     text = with_unit(text, unit)
     text = _ACTUAL.sub("", text)
     if place := _COORDINATE.fullmatch(text):
-        return f"{place[1]}{place[2] or ''}"
+        return f"{place[1]}_{place[2].strip('_')}" if place[2] else place[1]
     if of_hole := _OF_HOLES.fullmatch(text):
         return f"hole_{'radius' if of_hole[1] == 'radius' else 'diameter'}{of_hole[2] or ''}"
     whole = _WHOLE.fullmatch(text)
@@ -113,6 +129,40 @@ _TRUE_DISTANCES = (
     "ground_truth", "gt", "known_distance", "dist_to_plane",
 )  # fmt: skip
 """Definition: names of the known distance beside a range."""
+
+
+def without_nominal(names: Sequence[str], written: Sequence[str]) -> list[str]:
+    """Return column names in which a coordinate is nominal where another column states that it is measured.
+
+    Args:
+        names: canonical column names.
+        written: header cells as written.
+    """
+    measured = [re.search(rf"(?:^|[^a-z])(?:{_MEASURED})(?:[^a-z]|$)", _plain(cell)) is not None for cell in written]
+    twice = {name for name in names if name[:1] in ("x", "y", "z") and names.count(name) == 2}
+    sure = {name for name in twice if sum(m for n, m in zip(names, measured, strict=True) if n == name) == 1}
+    return [f"nominal_{n}" if n in sure and not m else n for n, m in zip(names, measured, strict=True)]
+
+
+def _plain(cell: str) -> str:
+    """Return a header cell in small letters without accents."""
+    return "".join(c for c in normalize("NFKD", cell.lower()) if not combining(c))
+
+
+def with_height(names: Sequence[str]) -> list[str] | None:
+    """Return the names of a table of holes ``x, y, diameter`` with a height and a kind; None for another table.
+
+    Args:
+        names: header cells as written.
+    """
+    canonicals = [canonical(name) for name in names]
+    bases = [re.sub(r"_(?:mm|m|um|in)$", "", name) for name in canonicals]
+    sizes = [k for k, base in enumerate(bases) if _DIAMETER.fullmatch(base) or base == "hole_diameter"]
+    if len(sizes) != 1 or not {"x", "y"} <= set(bases) or "z" in bases or "kind" in bases:
+        return None
+    unit = canonicals[bases.index("x")][1:]
+    size = canonicals[sizes[0]][len(bases[sizes[0]]) :] or unit
+    return [*(f"hole_diameter{size}" if k == sizes[0] else name for k, name in enumerate(names)), f"z{unit}", "kind"]
 
 
 def with_id(names: list[str]) -> list[str]:

@@ -20,7 +20,7 @@ from tanteo.io.readings.analog import find_analog
 from tanteo.io.readings.cells import Sheet
 from tanteo.io.readings.columns import DIRECTION, HAND, NORMAL, POINT, read_header
 from tanteo.io.readings.frames import find_frames
-from tanteo.io.readings.headers import units_row
+from tanteo.io.readings.headers import canonical, units_row, with_height
 from tanteo.io.readings.stated import Stated
 from tanteo.io.readings.table import Table
 from tanteo.replaced import replaced
@@ -102,6 +102,11 @@ def _read_rows(
         second = next(rows, None)
         below = units_row(second, _UNITS) if second and len(second) >= len(header) else None
         rest: Iterator[list[str]] = rows if below is not None or second is None else chain([second], rows)
+        flat = with_height(header)
+        if flat is not None:
+            rest = (_with_height(row, len(flat)) for row in rest)
+            below = None if below is None else [*below[: len(header)], below[_named_x(header)], ""]
+            header = flat
         analog = find_analog(header, place, stated.analog)
         if analog is not None:
             rest = analog.rows(rest)
@@ -131,6 +136,18 @@ def _read_rows(
     if not table.count:
         raise ReadingsError(f"{path}: expected at least one reading below the header, got none. Add rows.")
     return table.readings()
+
+
+def _with_height(row: list[str], width: int) -> list[str]:
+    """Return a row of a table of holes with the height 0, which is not used, and the kind of its rows."""
+    while len(row) > width - 2 and not row[-1].strip():
+        row = row[:-1]
+    return [*row, "0", "circle"] if len(row) == width - 2 else row
+
+
+def _named_x(header: Sequence[str]) -> int:
+    """Return the index of the column x."""
+    return next(k for k, name in enumerate(header) if canonical(name).split("_")[0] == "x")
 
 
 def _no_table(path: Path, number: int, how: TableText, error: csv.Error) -> ReadingsError:

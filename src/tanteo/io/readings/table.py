@@ -72,6 +72,7 @@ class Table:
         self._texts: dict[str, list[str]] = {c.base: [] for c in sheet.columns if c.is_text}
         self._pool: dict[str, str] = {}
         self._ids: set[str] = set()
+        self._counts: dict[str, int] = {}
 
     def add(self, rows: list[list[str]]) -> None:
         """Convert and check one chunk of rows.
@@ -129,6 +130,8 @@ class Table:
         pool = self._pool
         names = [cell.strip() for cell in cells]
         if column.base == "id":
+            if column.written.strip().lower() != "id":  # a name of a feature may repeat, an id may not
+                names = self._numbered(names)
             self._check_ids(names)
             return names
         valid = {"kind": reading_kinds(), "status": _STATUSES, "side": _SIDES}.get(column.base)
@@ -140,6 +143,15 @@ class Table:
                 self.count + k, column.base, names[k], f"one of {', '.join(valid)}{f' ({meant})' if meant else ''}"
             )
         return [pool.setdefault(name, name) for name in names]
+
+    def _numbered(self, names: list[str]) -> list[str]:
+        """Return names in which empty and repeated ones are numbered."""
+        out = list[str]()
+        for k, name in enumerate(names, start=self.count + 1):
+            own = name or str(k)
+            self._counts[own] = self._counts.get(own, 0) + 1
+            out.append(own if self._counts[own] == 1 else f"{own}.{self._counts[own]}")
+        return out
 
     def _check_ids(self, names: list[str]) -> None:
         if "" in names:
