@@ -116,8 +116,8 @@ def test_title_lines_above_the_header_are_skipped(tmp_path, mark, titles):
     assert readings.ids == ("P0", "P1", "P2")
     np.testing.assert_allclose(readings.points[1], [1.5e-3, 1e-3, 3e-3])
     assert "title line" in readings.notes[0]
-    path.write_text(text.replace("P2", "P1"))
-    with pytest.raises(InputError, match=f"line {text.count(chr(10))}, column 'Punkt'"):
+    path.write_text(text.replace(mark.join(["P2", "1.5"]), mark.join(["P2", "far"])))
+    with pytest.raises(InputError, match=f"line {text.count(chr(10))}, column 'X'"):
         read_readings(path, units="mm")
 
 

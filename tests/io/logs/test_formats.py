@@ -422,7 +422,7 @@ def test_a_table_without_heights_holds_centres(tmp_path, header, row, comma):
 def test_the_measured_value_of_a_renishaw_report_counts(tmp_path):
     rows = "".join(
         f"FEATURE NO {k}\n"
-        + "".join(f"POSN {a} {v:.3f} ACTUAL {v + 0.01:.3f} TOL 0.1 DEV 0.01\n" for a, v in zip("XYZ", p))
+        + "".join(f"POSN {a} {v:.3f} ACTUAL {v + 0.01:.3f} TOL 0.1 DEV 0.01\n" for a, v in zip("XYZ", p, strict=True))
         for k, p in enumerate(PLACES)
     )
     readings = read_readings(save(tmp_path, rows), units="mm")
@@ -436,8 +436,8 @@ def test_two_nearly_equal_points_a_row_are_refused(tmp_path):
 
 
 def test_names_of_features_may_repeat_but_ids_may_not(tmp_path):
-    rows = "a,1,2,3\na,4,5,6\n,7,8,9\n"
-    assert read_readings(save(tmp_path, "Name,x_mm,y_mm,z_mm\n" + rows)).ids == ("a", "a.2", "3")
+    rows = "a,1,2,3\na,4,5,6\n"
+    assert read_readings(save(tmp_path, "Name,x_mm,y_mm,z_mm\n" + rows + ",7,8,9\n")).ids == ("a", "a.2", "3")
     with pytest.raises(ReadingsError, match="every reading"):
         read_readings(save(tmp_path, "id,x_mm,y_mm,z_mm\n" + rows))
 

@@ -14,7 +14,10 @@ _UNIT_WORDS = {
     "metre": "m", "metres": "m", "inch": "in", "inches": "in", '"': "in", "micron": "um", "microns": "um",
     "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg", "radian": "rad", "radians": "rad",
 }  # fmt: skip
-_MEASURED = "actual|act|measured|meas|ist|gemessen|mesuree?|medid[oa]|misurat[oa]|gemeten|zmierzon[aey]|uppmatt|実測|实测|測定|测量"
+_MEASURED = "|".join((
+    "actual", "act", "measured", "meas", "ist", "gemessen", "mesuree?", "medid[oa]", "misurat[oa]", "gemeten",
+    "zmierzon[aey]", "uppmatt", "実測", "实测", "測定", "测定", "測量", "测量",
+))  # fmt: skip
 """Words for measured values, in ten languages."""
 _ACTUAL = re.compile(rf"^(?:{_MEASURED})_|_?(?:(?<=_)|(?<=[xyz]))(?:{_MEASURED})(?=_|$)")
 _BESIDE = re.compile(
