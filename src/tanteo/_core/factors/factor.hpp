@@ -144,6 +144,9 @@ class Factor {
     virtual void evaluate(const Placement& placement, Components& out) const = 0;
     // Number of directions in which an element constrains the measurement.
     virtual int codimension() const = 0;
+    // Whether it measures the surface and not a landmark, whose density is a fraction of all landmarks and not per area or
+    // length of the part.
+    virtual bool on_surface() const { return true; }
     // Whether a label of this measurement may refer to the element.
     virtual bool may_name(const Shape&, int) const { return true; }
     // Whether the density is not per area of the face: a beam of known direction hits one point of each face.

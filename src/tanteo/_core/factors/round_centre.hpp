@@ -15,6 +15,7 @@ class RoundCentre : public Factor {
     int side = 0;                  // 1: hole, -1: boss, 0: unknown
     double offset = 0;             // distance of the point from the landmark along the axis [m]
 
+    bool on_surface() const final { return false; }
     void evaluate(const Placement& at, Components& out) const final;
     Sites sites(const Shape& shape) const final;
     double rough_cost(const Shape& shape, const Pose& pose, double blur, double tilt) const final;

@@ -80,7 +80,7 @@ Likelihood::Likelihood(const Shape& shape, const Problem& problem) : shape(shape
     bool on_faces = false, on_edges = false;
     for (const auto& factor : problem.factors) {
         on_faces = on_faces || (factor->codimension() == 1 && !factor->aimed());
-        on_edges = on_edges || (factor->codimension() == 2 && !factor->aimed());
+        on_edges = on_edges || (factor->codimension() == 2 && factor->on_surface() && !factor->aimed());
     }
     if (on_faces && patch.area > 0) region.on_face = std::max(1.0, shape.area / patch.area);
     if (on_edges && patch.length > 0) region.on_edge = std::max(1.0, shape.edge_length / patch.length);

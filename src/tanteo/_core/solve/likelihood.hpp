@@ -32,7 +32,7 @@ struct Design {
 
     double scale_of(const Factor& factor) const {
         const int across = factor.codimension();
-        return factor.aimed() || across == 3 ? 1 : across == 1 ? on_face : on_edge;
+        return factor.aimed() || across == 3 || !factor.on_surface() ? 1 : across == 1 ? on_face : on_edge;
     }
 };
 

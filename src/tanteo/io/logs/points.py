@@ -84,7 +84,7 @@ _PAIR = 0.02
 
 
 def _refuse_pairs(contents: Contents, rows: NumberRows) -> None:
-    """Refuse rows with two points, nominal and measured, whose order only the author knows."""
+    """Refuse rows with two points, nominal and measured, in an order that the file does not state."""
     if rows.names or rows.values.shape[1] < 6 or len(rows.values) < 3:
         return
     first, second = rows.values[:, :3], rows.values[:, 3:6]
