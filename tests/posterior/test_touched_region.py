@@ -18,7 +18,7 @@ PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
 
 def test_a_hole_centre_has_no_density_per_length():
-    """A centre is on one of the holes with the fraction of that hole, wherever and however densely others are sensed."""
+    """A centre is on one of the holes with the fraction of that hole, wherever others are sensed."""
     part = prepare(tanteo.read_part(PARTS / "flange.step"))
     top = [[0.05 + 1e-3 * k, 1e-3 * (k % 2), 0.0] for k in range(4)]
     edge = [[0.052 + 1e-3 * k, 2e-3, 0.0] for k in range(4)]
