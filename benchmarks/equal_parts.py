@@ -1,8 +1,9 @@
 """Several equal parts in one set of readings: ``python benchmarks/equal_parts.py [scenes] [seed] [--kind NAME]``.
 
 Two or three parts lie beside each other, turned about z, and each is touched 9 to 14 times, in mixed order. In the
-other kinds there is one part, and several must not be found. The table has the scenes in which the true number was found
-with every pose within five corner sds, those in which several parts were found, and those with a pose farther off.
+other kinds there is one part, and several must not be found. The table has the scenes in which the true number was
+found with every pose within five corner sds, those in which several parts were found, and those with a pose farther
+off.
 """
 
 from __future__ import annotations
