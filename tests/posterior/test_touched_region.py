@@ -8,10 +8,9 @@ import numpy as np
 
 import tanteo
 from tanteo.factors import FreeRays, as_contact_points
-from tanteo.posterior import prepare
+from tanteo.posterior import Problem, prepare
 from tanteo.posterior.details import details_at
 from tanteo.posterior.part_search import start_search
-from tanteo.posterior.problem import Problem
 from tanteo.sensors import measure
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
