@@ -19,7 +19,7 @@ from tanteo.factors import FreeRays, as_contact_points
 from tanteo.geometry import SE3, SO3
 from tanteo.posterior import Priors, Problem, prepare, sized
 from tanteo.posterior.candidates import Candidates
-from tanteo.posterior.trial_fit import trial_fit
+from tanteo.posterior.trial_fit import trial_fits
 from tanteo.sensors import measure
 from tanteo.words.findings import Convention, MirrorQuestion, OffsetQuestion
 
@@ -107,7 +107,7 @@ def trials(parts, scenes, seed):
             candidates = Candidates([part])
             priors = sized(Priors(noise_factor=2.0), float(candidates.radii.max()))
             start = time.process_time()
-            fit = trial_fit(Problem(contacts, FreeRays.none(), priors), candidates)
+            fit, *_ = trial_fits(Problem(contacts, FreeRays.none(), priors), candidates)
             ms.append(1e3 * (time.process_time() - start))
             found += fit.explained >= 0.9 * n
         lines.append((str(n), str(scenes), str(found), f"{np.median(ms):.0f}", f"{np.max(ms):.0f}"))

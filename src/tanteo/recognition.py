@@ -273,6 +273,7 @@ class Query:
         shared_errors: Sequence[ErrorState] = (),
         outlier_rate: float | None = None,
         anywhere: bool = False,
+        settings: Settings | None = None,
     ) -> Answer:
         """Return the answer for other readings or parts, without checks of conventions.
 
@@ -282,6 +283,7 @@ class Query:
             shared_errors: errors that the readings share, in addition to those of the first inference.
             outlier_rate: rate of outliers; None for that of the first inference.
             anywhere: whether to omit the prior pose and the box; a table remains.
+            settings: settings of the search; None for those of the first inference.
         """
         errors = (*self._options.get("shared_errors", ()), *shared_errors)
         priors: Priors = self._options.get("priors") or Priors()
@@ -291,6 +293,8 @@ class Query:
             table = priors.pose.table
             priors = replace(priors, pose=None if table is None else PosePrior(table=table))
         own = self._options | {"shared_errors": errors, "priors": priors}
+        if settings is not None:
+            own["settings"] = settings
         return identify(readings, parts, **own, top=1, conventions=False, count=1)
 
 

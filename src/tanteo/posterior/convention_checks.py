@@ -24,7 +24,7 @@ from tanteo.posterior.conventions import HANDS, OTHERS, Mistake, of_rig
 from tanteo.posterior.findings import fits_size, scale_of
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.settings import DEFAULTS, Settings
-from tanteo.posterior.trial_fit import TrialFit, trial_fit
+from tanteo.posterior.trial_fit import TrialFit, trial_fits
 from tanteo.sensors import Column, Readings, Rig, reading_kind, thinned
 from tanteo.sensors.error_states import ErrorState, Offset, Scale
 from tanteo.words import Finding
@@ -62,6 +62,7 @@ class Query(Protocol):
         shared_errors: Sequence[ErrorState] = (),
         outlier_rate: float | None = None,
         anywhere: bool = False,
+        settings: Settings | None = None,
     ) -> Answer:
         """Return the answer for other readings or parts, without checks of conventions.
 
@@ -71,6 +72,7 @@ class Query(Protocol):
             shared_errors: errors that the readings share, in addition to those of the first inference.
             outlier_rate: rate of outliers; None for that of the first inference.
             anywhere: whether to omit the prior pose and the box; a table remains.
+            settings: settings of the search; None for those of the first inference.
         """
 
 
@@ -86,7 +88,7 @@ def about_conventions(
     """Return the usual mistake that explains readings that fit no part, or fit badly; None if there is none.
 
     Each mistake is first tested by a robust fit of the points (:mod:`tanteo.posterior.trial_fit`); only if the fit
-    explains them, the search is repeated.
+    explains them, the search is repeated, with the parts that explain them and few rounds.
 
     Args:
         answer: answer from the unchanged readings.
@@ -132,7 +134,7 @@ def _about_ways(
         meant = way.undo(readings)
         if meant is not None and way.finding is UnitsConvention and not _is_of_size(meant, parts, settings):
             continue
-        found = None if meant is None else _answer_to(question, meant, parts, settings.search.explained)
+        found = None if meant is None else _answer_to(question, meant, parts, settings)
         if found is not None and fits(found, settings):
             return way.finding(*_fitting(found), way.mistake)
     return None
@@ -155,18 +157,35 @@ def fits(answer: Answer, settings: Settings = DEFAULTS) -> bool:
     return answer.unknown_probability < 0.5 and not is_bad(answer, settings) and best.dof > 0
 
 
-def _answer_to(question: Query, readings: Readings, parts: Sequence[Part], least: float) -> Answer | None:
-    """Return the answer to other readings, if a trial fit explains at least that fraction of the points.
+def _answer_to(question: Query, readings: Readings, parts: Sequence[Part], settings: Settings) -> Answer | None:
+    """Return the answer to other readings, if a trial fit explains most of the points.
 
     None also if the other readings are invalid.
     """
     try:
-        trial = trial_fit(*question.problem(readings, parts))
-        if trial is not None and trial.rejects(least):
+        trials = trial_fits(*question.problem(readings, parts))
+        kept = [trial.part.part for trial in trials if not trial.rejects(settings.search.explained)]
+        if not trials:
+            return question.answer(readings, parts, settings=settings)
+        if not kept:
             return None
-        return question.answer(readings, parts)
+        return _as_of_all(question.answer(readings, kept, settings=settings.brief), len(kept), len(parts))
     except TanteoError:
         return None
+
+
+def _as_of_all(answer: Answer, searched: int, count: int) -> Answer:
+    """Return the answer of some parts with the probability of an unknown object as if all parts had been candidates.
+
+    The prior probability of a known part is shared by the candidates, so each searched part has more of it.
+
+    Args:
+        answer: answer of the searched parts.
+        searched: number of these parts.
+        count: number of all parts.
+    """
+    unknown, known = answer.unknown_probability * count, (1 - answer.unknown_probability) * searched
+    return replace(answer, unknown_probability=unknown / (unknown + known))
 
 
 def _fitting(answer: Answer) -> tuple[str, int, int]:
@@ -185,7 +204,7 @@ def _about_image(
     if part is None:
         return None
     image = mirror_part(getattr(part, "part", part))
-    found = _answer_to(question, readings, [part, image], settings.search.explained)
+    found = _answer_to(question, readings, [part, image], settings)
     best = found.best if found is not None else None
     if best is None or best.part != image.name or best.outliers or best.probability < 1 - NOTABLE:
         return None
@@ -225,27 +244,44 @@ def _offset_answer(
         return None  # a centre has neither a radius nor an approach
     sd = _SHARED_SD * max(sizes_of(parts))
     try:
-        trial = trial_fit(*question.problem(readings, parts), offset_sd=sd)
+        trials = trial_fits(*question.problem(readings, parts), offset_sd=sd)
     except TanteoError:
         return None
-    if trial is not None:
-        if trial.rejects(settings.search.explained) or trial.is_without_offset(settings.search.gate):
-            return None
-        readings = _aimed(readings, trial)
-    return _shared_answer(readings, parts, question, Offset(sd), settings)
+    if not trials:
+        return _shared_answer(readings, parts, question, Offset(sd), settings)
+    kept = [trial for trial in trials if not trial.rejects(settings.search.explained)]
+    if not kept or kept[0].is_without_offset(settings.search.gate):
+        return None
+    some = [trial.part.part for trial in kept]
+    return _shared_answer(_aimed(readings, kept[0]), some, question, Offset(sd), settings.brief, len(parts))
 
 
 def _shared_answer(
-    readings: Readings, parts: Sequence[Part], question: Query, error: ErrorState, settings: Settings
+    readings: Readings,
+    parts: Sequence[Part],
+    question: Query,
+    error: ErrorState,
+    settings: Settings,
+    count: int | None = None,
 ) -> tuple[Answer, float, float] | None:
     """Return the answer with one more shared error, its value and sd; None if readings without it explain as much.
 
     The simpler explanation is larger noise without the error. It is tested by Student's t of the value over its
     marginal standard deviation, which contains the estimated noise, at one in a million: one in 500 over the about
     2,000 poses from which a search chooses.
+
+    Args:
+        readings: the readings.
+        parts: the parts that may fit.
+        question: options of the inference.
+        error: the shared error.
+        settings: settings of the inference.
+        count: number of all parts; None if ``parts`` are all.
     """
     try:
-        found = question.answer(readings, parts, shared_errors=(error,))
+        found = _as_of_all(
+            question.answer(readings, parts, shared_errors=(error,), settings=settings), len(parts), count or len(parts)
+        )
     except TanteoError:
         return None
     if not fits(found, settings):

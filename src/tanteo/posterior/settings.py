@@ -392,6 +392,11 @@ class Settings:
         """Effort of the first round with all points of one of several parts."""
         return replace(self.search.effort, moved=self.pruning.leaders, moved_hard=self.pruning.leaders)
 
+    @property
+    def brief(self) -> Settings:
+        """Settings of a search that is repeated for a check: a quarter of the rounds, enough for a part that fits."""
+        return replace(self, search=replace(self.search, rounds=self.search.rounds // 4))
+
     def changed(self, name: str, value: float) -> Settings:
         """Return the same settings with one field changed.
 

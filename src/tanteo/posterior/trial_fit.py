@@ -27,7 +27,7 @@ _PER_SD = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrialFit:
-    """Pose of the part that explains the most points.
+    """Pose of a part that explains most points.
 
     Attributes:
         part: the part.
@@ -46,7 +46,7 @@ class TrialFit:
     offset_sd: float
 
     def rejects(self, fraction: float) -> bool:
-        """Return whether the trial shows that no part explains this fraction of the points.
+        """Return whether the trial shows that the part does not explain this fraction of the points.
 
         With fewer than twice as many points as a pose has degrees of freedom, coarse poses miss the right one too
         often: of 11 points in 8 of 96 scenes, of 14 in 7, of 20 in one (``python benchmarks/conventions.py``).
@@ -58,8 +58,10 @@ class TrialFit:
         return self.count >= 2 * POSE_DOF and abs(self.offset) < gate * self.offset_sd
 
 
-def trial_fit(problem: Problem, candidates: Candidates, *, offset_sd: float = 0.0) -> TrialFit | None:
-    """Return the best trial fit of all parts; None where there are too few points for one.
+def trial_fits(problem: Problem, candidates: Candidates, *, offset_sd: float = 0.0) -> list[TrialFit]:
+    """Return a trial fit of each part that may be searched, the one that explains most points first.
+
+    None where there are too few points for a fit.
 
     Args:
         problem: measurements and priors, of which the points count.
@@ -70,7 +72,7 @@ def trial_fit(problem: Problem, candidates: Candidates, *, offset_sd: float = 0.
     others = problem.furniture.others
     usable = others[~points.centres[others]]
     if len(usable) < POSE_DOF - 1:
-        return None
+        return []
     shared = np.sqrt(np.sum(points.shared_jacobian**2, axis=(1, 2))) if points.shared_jacobian.size else 0.0
     factor = float(np.exp(problem.scale_sd)) if problem.scale_sd else 1.0
     limits = problem.settings.search.gate * np.hypot(factor * points.sd, shared)
@@ -92,7 +94,7 @@ def trial_fit(problem: Problem, candidates: Candidates, *, offset_sd: float = 0.
         if own:
             Ts = np.ascontiguousarray(np.concatenate(own))
             found.append(_of_part(problem, candidates.prepared(row), Ts, rows, limits[rows], offset_sd, step))
-    return max(found, key=lambda fit: fit.explained, default=None)
+    return sorted(found, key=lambda fit: -fit.explained)
 
 
 def _of_part(
