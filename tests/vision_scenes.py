@@ -10,7 +10,7 @@ import numpy as np
 from rendered import rendered_slab, table_camera
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.vision import find_edges, prepare_vision, render
+from tanteo.vision import Camera, View, find_edges, prepare_vision, render
 from tanteo.vision.camera import on_plane
 from tanteo.vision.edges import map_edges
 from tanteo.vision.rendering import Appearance, Stage, rendered_part
@@ -124,3 +124,25 @@ def stated_table(shot, part, rng):
     place = SE3.from_parts(np.eye(3), about)
     step = np.r_[0, 0, rng.normal(0, errors.height), rng.normal(0, errors.tilt, 2), 0]
     return place @ SE3.exp(step) @ SE3.inverse(place)
+
+
+def looking(eye, target, roll=0.0):
+    """Return the pose of a camera at ``eye`` whose optical axis meets ``target``, rolled by an angle."""
+    z = (target - eye) / np.linalg.norm(target - eye)
+    x = np.cross(z, [0.0, 0.0, 1.0])
+    x /= np.linalg.norm(x)
+    return SE3.from_parts(np.stack([x, np.cross(z, x), z], axis=1) @ SO3.axis_rotation(2, roll), eye)
+
+
+def hand_views(part, T, mounting, error, rng):
+    """Return three images of a floating part by a camera on a hand whose mounting is off by an error ``(6,)``."""
+    K = np.array([[1000.0, 0, 319.5], [0, 1000.0, 239.5], [0, 0, 1]])
+    middle = SE3.apply(T, part.centroid)
+    out = []
+    for turn in (0.0, 2.1, 4.2):
+        way = np.array([0.5 * np.cos(turn), 0.5 * np.sin(turn), 1.0])
+        camera = Camera(K, (640, 480), T_world_camera=looking(middle + 0.5 * way / np.linalg.norm(way), middle))
+        pixels, _ = render(Stage(camera, [rendered_part(part, T, 120)]), rng)
+        hand = camera.T_world_camera @ SE3.inverse(mounting.T_hand_camera @ SE3.exp(error))
+        out.append(View(pixels, mounting.camera_at(camera, hand), on_table=False))
+    return out

@@ -108,7 +108,7 @@ def identify(
         top: number of hypotheses to report.
         as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
         priors: assumptions: rate of outliers, workspace, prior pose, box, table.
-        views: images of the object on a table, from cameras whose poses are known in the world of the readings.
+        views: images of the object from cameras whose poses are known in the world of the readings.
             Readings and images share one posterior; at most 64 parts can be compared with images.
         factors: further measurements of the pose, such as a :class:`tanteo.PythonFactor` of your own.
         seed: seed of the random numbers.
@@ -441,7 +441,7 @@ def locate(
         top: number of poses to report.
         as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
         priors: assumptions: rate of outliers, workspace, prior pose, box, table.
-        views: images of the object on a table, from cameras whose poses are known in the world of the readings.
+        views: images of the object from cameras whose poses are known in the world of the readings.
         factors: further measurements of the pose.
         seed: seed of the random numbers.
         conventions: whether usual mistakes are undone and searched again if the part does not fit.

@@ -278,6 +278,6 @@ def test_what_cannot_be_meant_is_refused(scene):
         with pytest.raises(ValueError, match="expected"):
             _core.make_edge_image(*[value if j == k else one for j, one in enumerate(right)])
     with pytest.raises(ValueError, match="expected"):
-        _core.image_edges(model.seen, factor.image, np.ones(3), np.zeros((0, 4, 4)), np.zeros(0), 2.5, 0)
+        _core.image_edges(model.seen, factor.image, np.ones(3), np.zeros((0, 4, 4)), np.zeros(0), 2.5, 0, 0)
     with pytest.raises(ValueError, match="shared errors"):
         _core.image_sums(factor.term(model.part, 1), np.eye(4)[None], np.zeros((1, 8)))

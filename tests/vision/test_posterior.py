@@ -18,7 +18,7 @@ from tanteo.vision.answers import hypothesis
 from tanteo.vision.camera import project
 from tanteo.vision.edges import map_edges
 from tanteo.vision.fit import meet
-from tanteo.vision.image_edges import ImageEdges, Weights, standing
+from tanteo.vision.image_edges import ImageEdges, Weights, standing, sums_of
 from tanteo.vision.posterior import infer, searched
 from tanteo.vision.settings import EVIDENCE
 from tanteo.vision.table import TableErrors
@@ -135,7 +135,7 @@ def test_probabilities_weigh_parts_and_the_unknown_object(seen):
     found = infer((image,), [(model, start), (other, start)], 10, lying=LYING)
     first, second = found.modes
     assert first.probability == pytest.approx(second.probability, rel=0.05)
-    best = image.sums_at(model.part, first.T_peak[None], first.z[None]).there[0]
+    best = sums_of((image,), model.part, first.T_peak[None], first.z[None])[0].there[0]
     rest = LYING.log_probability(model.part, first.T_peak)
     priors = Priors()
     odds = priors.unknown / ((1 - priors.unknown) / 10) * np.exp(log - best - rest)
@@ -166,7 +166,7 @@ def test_parts_of_one_name_keep_their_own_constants():
     for other in (step, replace(step, name="wedge")):
         (factor,) = view_factors([View(image, camera)], points, [wedge, other], sized(Priors(), wedge.radius))
         answer = see_table(image, camera, [wedge, other]).objects[0].answer
-        log = factor.sums_at(wedge, T[None], np.zeros((1, factor.states))).log[0]
+        log = sums_of((factor,), wedge, T[None])[0].log[0]
         found.append((log, len(factor.poses(wedge)), answer.hypotheses[0].probability, answer.unknown_probability))
         assert answer.hypotheses[0].file == wedge.source
     assert found[0] == pytest.approx(found[1], abs=1e-6)
@@ -207,7 +207,7 @@ def test_poses_that_symmetry_makes_the_same_have_one_constant(name):
     Ts, _ = levelled.levels[part]
     found = []
     for pose in Ts:
-        sums = levelled.sums_at(part, pose @ turns, np.zeros((len(turns), levelled.states)))
+        sums = sums_of((levelled,), part, pose @ turns)[0]
         found.append(sums.there + sums.located - sums.log)
     levels = np.array(found)
     assert np.ptp(levels) > 1  # not all poses have the same

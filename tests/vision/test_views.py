@@ -8,16 +8,19 @@ import numpy as np
 import pytest
 
 from rendered import table_camera
-from tanteo import identify
+from tanteo import _core, identify
 from tanteo.errors import InputError
+from tanteo.factors import ContactPoints, FreeRays
 from tanteo.geometry import SE3, SO3
 from tanteo.io import read_readings
 from tanteo.parts import read_part
-from tanteo.posterior import Priors, sized
-from tanteo.vision import View, prepare_vision, view_factors
+from tanteo.posterior import Priors, Problem, sized
+from tanteo.vision import View, prepare_vision, see, see_table, view_factors
+from tanteo.vision.camera import Mounting
+from tanteo.vision.image_edges import sums_of
 from tanteo.vision.models import spread
 from tanteo.vision.rendering import Stage, render, rendered_part
-from vision_scenes import PARTS
+from vision_scenes import PARTS, hand_views
 
 
 def other_camera(camera):
@@ -86,3 +89,93 @@ def test_what_cannot_be_compared_is_refused(scene):
     nowhere = replace(views[0], camera=replace(views[0].camera, T_world_camera=None))
     with pytest.raises(InputError, match="expected its pose"):
         identify(readings, parts, sd=5e-5, views=[nowhere])
+
+
+def error_of(part, T, best):
+    """Return the error of a pose over its covariance, and of the middle of the part [m]."""
+    images = T @ part.symmetry.Ts
+    gaps = SE3.log(SE3.inverse(images) @ best.T_world_part)
+    squared = np.einsum("ki,ij,kj->k", gaps, np.linalg.inv(best.covariance), gaps)
+    nearest = SE3.inverse(images[np.argmin(squared)]) @ best.T_world_part
+    return squared.min(), np.linalg.norm(SE3.apply(nearest, part.centroid) - part.centroid)
+
+
+def test_two_views_of_a_table_give_one_answer(scene):
+    parts, T, views, _ = scene
+    first, second = views
+    alone = see_table(first.pixels, first.camera, parts).objects[0].answer
+    both = see_table(first.pixels, first.camera, parts, others=[second])
+    assert len(both.objects) == 1  # the two regions are of one object
+    best = both.objects[0].answer.best
+    assert best.part == parts[0].name
+    assert best.probability >= alone.best.probability
+    squared, middle = error_of(parts[0], T, best)
+    assert squared < 30
+    assert middle < 5e-4
+    (drawn,) = both.others
+    there = SE3.inverse(second.camera.T_world_camera) @ best.T_world_part
+    np.testing.assert_allclose(drawn.objects[0].modes[0].T_camera_part, there, atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def floating(scene):
+    """A floating part, three images by a camera on a hand with an error of the mounting, and that mounting."""
+    part = scene[0][0]
+    T = SE3.from_parts(SO3.exp(np.array([0.4, -0.5, 0.3])), np.array([0.4, 0.1, 0.3]))
+    spread = np.diag(np.repeat(np.square([5e-4, np.radians(0.05)]), 3))
+    mounting = Mounting(SE3.exp(np.array([0.03, 0.0, 0.05, 0.0, 0.0, 0.7])), spread)
+    error = np.repeat([5e-4, np.radians(0.05)], 3) * np.array([1.0, -1, 0.5, 0.5, -0.5, 1])
+    return part, T, hand_views(part, T, mounting, error, np.random.default_rng(1)), mounting
+
+
+def test_a_hand_eye_error_is_one_of_all_views(scene, floating):
+    part, T, views, _ = floating
+    first, *others = views
+    answer = see(first.pixels, first.camera, scene[0], others=others, on_table=False).objects[0].answer
+    assert answer.status == "recognized"
+    squared, middle = error_of(part, T, answer.best)
+    assert squared < 30
+    assert middle < 5e-4
+    # as errors of each image they would partly cancel; without them the views contradict each other
+    exact = [replace(view, camera=replace(view.camera, mounting=None)) for view in views]
+    alone = see(exact[0].pixels, exact[0].camera, [part], others=exact[1:], on_table=False).objects[0].answer.best
+    assert np.linalg.slogdet(alone.covariance)[1] < np.linalg.slogdet(answer.best.covariance)[1]
+
+
+def test_views_of_one_mounting_have_its_states_once(scene, floating):
+    part, T, views, mounting = floating
+    points = SE3.apply(T, np.array(part.corners.points)[:4])
+    factors = view_factors(views, points, [part], sized(Priors(), part.radius))
+    problem = Problem(ContactPoints.none(), FreeRays.none(), sized(Priors(), part.radius), pose_factors=factors)
+    assert problem.shared_errors == 3 * 2 + 6  # a shift by the lens in each image, one mounting
+    other = replace(views[1], camera=replace(views[1].camera, mounting=replace_mounting(mounting)))
+    factors = view_factors([views[0], other], points, [part], sized(Priors(), part.radius))
+    problem = Problem(ContactPoints.none(), FreeRays.none(), sized(Priors(), part.radius), pose_factors=factors)
+    assert problem.shared_errors == 2 * 2 + 2 * 6
+
+
+def replace_mounting(mounting):
+    """Return another mounting with the same numbers."""
+    return Mounting(mounting.T_hand_camera, mounting.covariance)
+
+
+def test_the_mounting_moves_edges_as_its_derivative(floating):
+    part, T, views, _ = floating
+    moved = T @ SE3.exp(np.array([2e-5, 1e-5, -1e-5, 1e-4, 0, 2e-4]))
+    (factor,) = view_factors([views[0]], SE3.apply(T, np.array(part.corners.points)[:4]), [part], sized(Priors(), 0.1))
+    term, own, step = factor.term(part, 0, factor.states), factor.states, 1e-4
+    z = np.full((1, own + 6), 0.1)
+    _, gradient, _ = _core.term_slopes(term, moved[None], z, part.centroid)
+
+    def log(k, sign):
+        return sums_of([factor], part, moved[None], z + sign * step * (np.arange(own + 6) == k))[0].log[0]
+
+    differences = [(log(k, 1) - log(k, -1)) / (2 * step) for k in range(own, own + 6)]
+    np.testing.assert_allclose(gradient[0, 6 + own :], differences, rtol=2e-2, atol=2e-2)
+
+
+def test_several_views_need_the_poses_of_cameras(floating):
+    part, _, views, _ = floating
+    nowhere = replace(views[0].camera, T_world_camera=None)
+    with pytest.raises(InputError, match="pose of each camera"):
+        see(views[0].pixels, nowhere, [part], others=views[1:])

@@ -331,6 +331,7 @@ def make_edge_image(
     camera: FloatArray,
     T_world_camera: FloatArray,
     camera_root: FloatArray,
+    mount_root: FloatArray,
     shift_sd: float,
     nearest: AnyInts,
     pixels: FloatArray,
@@ -353,6 +354,7 @@ def image_edges(
     levels: FloatArray,
     reach: float,
     first: int,
+    common: int,
 ) -> ImageEdges: ...
 def image_sums(term: ImageEdges, poses: FloatArray, shared: FloatArray) -> FloatArray: ...
 def stable_poses(

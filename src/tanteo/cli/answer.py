@@ -42,7 +42,7 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     files.check_report(options.report)
     sources = [("the readings", readings), ("--rig", options.rig)]
     sources += [("--image", image) for image in options.image or ()]
-    sources += [("--camera", camera) for camera in options.camera or ()]
+    sources += options.cameras.files
     sources += [("--factor", text.partition("=")[2]) for text in options.factor or ()]
     files.check_different(("--report", options.report), inputs=sources, parts=parts)
     reply = ask(
@@ -119,14 +119,16 @@ def ask(
         as_published: whether to use the equations of the paper.
     """
     factors = options.factors()
-    from tanteo.cli.image import outline_of, read_views
+    from tanteo.cli.image import outline_of, read_views, require_poses
 
-    views = read_views(options.image, options.camera, options.marks)
+    views = read_views(options.image, options.cameras)
+    require_poses(views, options.cameras)
     given = read_given(readings, parts, options, file)
     from tanteo.recognition import MOST_VIEWED, identify
 
     table = known.table if known is not None else None
-    outlines = [outline_of(view, given.measured.points, given.parts, table) for view in views]
+    on_table = [view for view in views if view.on_table]
+    outlines = [outline_of(view, given.measured.points, given.parts, table) for view in on_table]
     many = len(given.parts) > MOST_VIEWED  # the outline then prunes the parts, and replaces the edges in the posterior
     outline = outlines[0] if outlines and many else None
     loaded = time.perf_counter()
@@ -136,7 +138,7 @@ def ask(
         "sensor": options.sensor, "sd": options.sd, "tolerance": options.form_sd, "robot": options.robot,
         "tip_sd": options.tip_sd, "shared_errors": options.shared_errors, "rig": given.rig,
         "significance": options.significance,
-        "priors": priors, "factors": factors, "views": () if many else views, "seed": options.seed,
+        "priors": priors, "factors": factors, "views": () if outline is not None else views, "seed": options.seed,
     }  # fmt: skip
     with misuse(always=False):
         answer = identify(

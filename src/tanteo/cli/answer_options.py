@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tanteo import io, posterior
 from tanteo.cli import arguments as args
 from tanteo.cli import controller
+from tanteo.cli.image import Cameras
 from tanteo.cli.misuse import MisuseError
 from tanteo.defaults import SIGNIFICANCE, TOP
 
@@ -49,6 +50,10 @@ class Evidence:
     image: args.ImagePaths = None
     camera: args.CameraPaths = None
     marks: args.MarksPaths = None
+    hand_poses: args.HandPosesPath = None
+    hand_eye: args.HandEyePath = None
+    hand_eye_sd: args.HandEyeSd = None
+    no_table: args.NoTable = False
     significance: args.Significance = SIGNIFICANCE
     json: args.Json = False
     seed: args.Seed = 0
@@ -59,6 +64,14 @@ class Evidence:
         """Return the errors that all readings share, of all options."""
         stated = (self.bias_sd, self.scale_sd, self.drift_sd, self.warp_sd, self.fan_sd, self.stock)
         return tuple(error for errors in stated for error in errors or ())
+
+    @property
+    def cameras(self) -> Cameras:
+        """Return the options of the cameras of images."""
+        return Cameras(
+            camera=self.camera, marks=self.marks, hand_poses=self.hand_poses, hand_eye=self.hand_eye,
+            hand_eye_sd=self.hand_eye_sd, robot=self.robot, no_table=self.no_table,
+        )  # fmt: skip
 
     def factors(self) -> tuple[PoseFactor, ...]:
         """Return the factors in the files of ``--factor``.

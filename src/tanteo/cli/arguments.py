@@ -260,6 +260,31 @@ MarksPaths = Annotated[
     _prior("--marks", "FILE", "Known points of the table and their pixels in the image, to place the camera (CSV)."),
 ]
 
+HandPosesPath = Annotated[
+    str | None,
+    _prior(
+        "--hand-poses",
+        "FILE",
+        "Poses of the hand at which its camera took the images, one row each (CSV). Needs --hand-eye.",
+    ),
+]
+HandEyePath = Annotated[
+    str | None,
+    _prior("--hand-eye", "FILE", "Pose of the camera on the hand, as tanteo calibrate hand-eye writes it."),
+]
+HandEyeSd = Annotated[
+    Any,
+    _prior(
+        "--hand-eye-sd",
+        "LENGTH,ANGLE",
+        "Standard deviations of that pose about each axis, as 1mm,0.2deg; those of the file if not given.",
+    ),
+    Words(partial(typed.pose_sds, "--hand-eye-sd")),
+]
+NoTable = Annotated[
+    bool, _prior("--no-table", None, "The object in the images may have any pose: it lies on no table.")
+]
+
 Significance = Annotated[
     float,
     _answer("--significance", None, "Significance level of all tests: probability of a false rejection."),

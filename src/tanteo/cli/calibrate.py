@@ -32,7 +32,7 @@ def hand_eye(samples: _Samples, fixed_camera: _Fixed = False, write: _Write = No
     The pose of the camera has a covariance; samples that contradict the others, motions that leave a direction free and
     the next pose are named. The noise need not be known.
     """
-    from tanteo.io.poses import hand_eye_yaml, read_hand_eye_samples
+    from tanteo.io.poses.hand_eye_file import hand_eye_yaml, read_hand_eye_samples
     from tanteo.sensors.calibration import calibrate_hand_eye
 
     files.check_target("--write", write)
@@ -42,7 +42,13 @@ def hand_eye(samples: _Samples, fixed_camera: _Fixed = False, write: _Write = No
     done = found.status == "calibrated"
     if write is not None and done:
         text = hand_eye_yaml(
-            found.T_mount_camera, on_hand=not fixed_camera, hand="tool0", camera="camera", base="base", target="target"
+            found.T_mount_camera,
+            found.covariance,
+            on_hand=not fixed_camera,
+            hand="tool0",
+            camera="camera",
+            base="base",
+            target="target",
         )
         with files.writing("--write", write), replaced(write) as file:
             file.write_text(text, encoding="utf-8")

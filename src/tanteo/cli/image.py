@@ -1,9 +1,11 @@
-"""Read images of the sensed object for ``identify`` and ``locate``, and find the outline of the object in them."""
+"""Read images with the poses of their cameras, and find the outline of the object of readings in them."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,41 +14,98 @@ from tanteo import io
 from tanteo.cli.misuse import MisuseError
 from tanteo.cli.printing import complain, print_text
 
+_INEXACT = 1.0
+"""Rms residual of marks above which the fit is poor [px]."""
+
 if TYPE_CHECKING:
     from tanteo.geometry.typing import Vectors
     from tanteo.posterior import SeenOutline, Table
     from tanteo.vision import View
 
 
-def read_views(
-    images: Sequence[str] | None, cameras: Sequence[str] | None, marks: Sequence[str] | None
-) -> tuple[View, ...]:
-    """Read the images of ``--image`` with their cameras.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cameras:
+    """Options that state the cameras of images and their poses.
+
+    Attributes:
+        camera: calibration files, one for all images or one for each.
+        marks: files of known points, one for all images or one for each; None for none.
+        hand_poses: table of the poses of the hand at which a camera on it took the images; None for a fixed camera.
+        hand_eye: result of the hand-eye calibration of that camera.
+        hand_eye_sd: standard deviations of its position [m] and rotation [rad], in place of those of the file.
+        robot: preset of the robot, whose errors apply to poses of the hand without their own.
+        rectified: whether the images are rectified.
+        no_table: whether the object may have any pose.
+    """
+
+    camera: Sequence[str] | None
+    marks: Sequence[str] | None = None
+    hand_poses: str | None = None
+    hand_eye: str | None = None
+    hand_eye_sd: tuple[float, float] | None = None
+    robot: str | None = None
+    rectified: bool = False
+    no_table: bool = False
+
+    @property
+    def files(self) -> list[tuple[str, str | None]]:
+        """Return the files that the options name, with the names of the options."""
+        several = [("--camera", one) for one in self.camera or ()] + [("--marks", one) for one in self.marks or ()]
+        hand_eye = self.hand_eye and self.hand_eye.partition("#")[0]
+        return [*several, ("--hand-poses", self.hand_poses), ("--hand-eye", hand_eye)]
+
+
+def read_views(images: Sequence[str] | None, cameras: Cameras) -> tuple[View, ...]:
+    """Read images with their cameras.
 
     Args:
         images: image files; None for none.
-        cameras: calibration files, one for all images or one for each.
-        marks: files of known points, one for all images or one for each; None for none.
+        cameras: their cameras. The pose of a camera may be unknown if there is one image.
 
     Raises:
-        MisuseError: an image has no camera, a camera has no image, the number of cameras or marks differs from that of
-            images, or the pose of a camera is unknown.
+        MisuseError: an image has no camera, a camera has no image, the number of cameras, marks or poses of the hand
+            differs from that of images, or options contradict each other.
         InputError: a file cannot be read.
     """
     if not images:
-        if cameras or marks:
+        if any(file is not None for _, file in cameras.files):
             raise MisuseError(
-                "--image: expected an image beside --camera and --marks, got none. Name it, or drop them."
+                "--image: expected an image beside --camera, --marks, --hand-poses and --hand-eye, got none. Name it, "
+                "or drop them."
             )
         return ()
-    if not cameras:
+    if not cameras.camera:
         raise MisuseError("--image: expected --camera beside it, got none. Name the camera's calibration file.")
-    return tuple(
-        _read_view(*three)
-        for three in zip(
-            images, _one_each("--camera", cameras, images), _one_each("--marks", marks, images), strict=True
+    if (cameras.hand_poses is None) != (cameras.hand_eye is None):
+        raise MisuseError(
+            "--hand-poses, --hand-eye: expected both, the poses of the hand and the camera's pose on it, got one. Add "
+            "the other."
         )
-    )
+    if cameras.hand_eye is not None and cameras.marks:
+        raise MisuseError("--marks: expected none beside --hand-eye, which places the camera, got some. Drop one.")
+    named = _one_each("--camera", cameras.camera, images)
+    marks = _one_each("--marks", cameras.marks, images)
+    views = [_read_view(image, str(own), mark, cameras) for image, own, mark in zip(images, named, marks, strict=True)]
+    return tuple(views if cameras.hand_eye is None else _on_hand(views, images, cameras))
+
+
+def require_poses(views: Sequence[View], cameras: Cameras) -> None:
+    """Check that the pose of each camera is known.
+
+    Args:
+        views: images with their cameras.
+        cameras: options of the cameras.
+
+    Raises:
+        MisuseError: the pose of a camera is unknown.
+    """
+    for k, view in enumerate(views):
+        if view.camera.T_world_camera is None:
+            name = (cameras.camera or [""])[min(k, len(cameras.camera or [""]) - 1)]
+            raise MisuseError(
+                f"--camera: expected the camera's pose in the world of the readings and of all images, got {name} "
+                "without it. Add --marks FILE, T_world_camera to the file, or --hand-poses and --hand-eye."
+            )
 
 
 def _one_each(option: str, given: Sequence[str] | None, images: Sequence[str]) -> list[str | None]:
@@ -60,22 +119,67 @@ def _one_each(option: str, given: Sequence[str] | None, images: Sequence[str]) -
     return [*given] * (len(images) if len(given) == 1 else 1)
 
 
-def _read_view(image: str, camera: str | None, marks: str | None) -> View:
+def _read_view(image: str, camera: str, marks: str | None, options: Cameras) -> View:
     from tanteo.vision import View
 
-    assert camera is not None
     pixels = io.read_image(image)
-    taken = io.read_camera(camera, shape=pixels.shape)
+    taken = io.read_camera(camera, rectified=options.rectified, shape=pixels.shape)
     for note in taken.notes:
         complain("warning", f"{camera}: {note}")
     if marks is not None:
-        taken, _ = io.scenes.place_camera(taken, marks)
-    if taken.T_world_camera is None:
+        taken, fit = io.scenes.place_camera(taken, marks)
+        worst = int(fit.offs.argmax())
+        words = f"Camera of {image} fitted to {len(fit.offs)} marks, {fit.rms:.2f} px rms"
+        off = f"; number {worst + 1} is {fit.offs[worst]:.1f} px off." if fit.rms > _INEXACT else "."
+        print_text(words + off, sys.stderr)
+    return View(pixels, taken, on_table=not options.no_table)
+
+
+def _on_hand(views: Sequence[View], images: Sequence[str], options: Cameras) -> list[View]:
+    """Return images with the poses of their cameras, which follow from those of the hand."""
+    from tanteo.io.poses.hand_eye_file import camera_on_hand, read_hand_poses, read_mounting
+    from tanteo.sensors.presets import robot_preset
+
+    assert options.hand_poses is not None
+    assert options.hand_eye is not None
+    poses = read_hand_poses(options.hand_poses)
+    names = [pose.image for pose in poses]
+    if all(names):
+        by_name = dict(zip(map(_stem, names), poses, strict=True))
+        missing = [image for image in images if _stem(image) not in by_name]
+        if missing or len(by_name) < len(poses):
+            raise MisuseError(
+                f"--hand-poses: expected one row for each image, got {', '.join(names)} for {', '.join(images)}. "
+                "Correct the column image."
+            )
+        poses = tuple(by_name[_stem(image)] for image in images)
+    elif len(poses) != len(images):
         raise MisuseError(
-            f"--camera: expected the camera's pose in the world of the readings, got {camera} without it. Add "
-            "--marks FILE, or T_world_camera to the file."
+            f"--hand-poses: expected one row for each image ({len(images)}), got {len(poses)}. Add a column image with "
+            "the names of the files, or drop rows."
         )
-    return View(pixels, taken)
+    sds = 0.0, 0.0
+    if options.robot is not None:
+        # the absolute error of a robot differs from pose to pose, so that it is independent for each image
+        robot = robot_preset(options.robot)
+        sds = (
+            float(np.hypot(robot.pos_repeat_std, robot.pos_abs_std)),
+            float(np.hypot(robot.rot_repeat_std, robot.rot_abs_std)),
+        )
+    elif any(pose.sds is None for pose in poses):
+        complain(
+            "warning",
+            "The poses of the hand count as exact: state --robot, or columns hand_sd_mm and hand_sd_deg.",
+        )
+    mounting = read_mounting(options.hand_eye, options.hand_eye_sd)
+    return [
+        replace(view, camera=camera_on_hand(view.camera, mounting, pose, sds))
+        for view, pose in zip(views, poses, strict=True)
+    ]
+
+
+def _stem(path: str) -> str:
+    return Path(path).name
 
 
 def outline_of(view: View, points: Vectors, parts: Sequence[Any], table: Table | None) -> SeenOutline:

@@ -1,4 +1,4 @@
-"""Implement ``tanteo see``: recognize and locate the parts in an image."""
+"""Implement ``tanteo see``: recognize and locate the parts in images."""
 
 from __future__ import annotations
 
@@ -12,68 +12,81 @@ import typer
 from tanteo import io, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files
-from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, warned
+from tanteo.cli.image import Cameras, read_views, require_poses
+from tanteo.cli.printing import emit, layout, leave, print_text, put, warned
 
 if TYPE_CHECKING:
     from tanteo.vision import Camera, Sight
-    from tanteo.vision.table import CameraPose
 
-_DARK, _INEXACT = 32.0, 1.0
-"""Largest grey level of a dark image; rms residual of marks above which the fit is poor [px]."""
+_DARK = 32.0
+"""Largest grey level of a dark image."""
 
 
 def see(
-    image: Annotated[str, typer.Argument(metavar="IMAGE", help="Image file (PNG, JPEG, ...).")],
-    camera: Annotated[str, args.option("--camera", "FILE", "Calibration file of the camera (OpenCV, ROS, Kalibr).")],
+    images: Annotated[list[str], typer.Argument(metavar="IMAGE...", help="Image files (PNG, JPEG, ...) of one scene.")],
+    camera: Annotated[
+        list[str],
+        args.option(
+            "--camera", "FILE", "Calibration file of the camera (OpenCV, ROS, Kalibr), one for all or one each."
+        ),
+    ],
     parts: args.PartPaths,
     units: args.Units = None,
-    marks: Annotated[
-        str | None,
-        args.option(
-            "--marks", "FILE", "Known points of the table and their pixels in the image, to place the camera (CSV)."
-        ),
-    ] = None,
+    marks: args.MarksPaths = None,
+    hand_poses: args.HandPosesPath = None,
+    hand_eye: args.HandEyePath = None,
+    hand_eye_sd: args.HandEyeSd = None,
+    robot: args.Robot = None,
+    no_table: args.NoTable = False,
     rectified: Annotated[
         bool, args.option("--rectified", None, "The image is rectified: use the projection_matrix of the camera file.")
     ] = False,
     picture: Annotated[
-        str | None, args.option("--picture", "FILE", "Write the image with the result drawn into it (PNG, JPEG).")
+        str | None,
+        args.option(
+            "--picture",
+            "FILE",
+            "Write the image with the result drawn into it (PNG, JPEG); several are below each other.",
+        ),
     ] = None,
     top: args.Top = 5,
     json: args.Json = False,
     verbose: args.Verbose = False,
 ) -> None:
-    """Recognize and locate the parts in an image.
+    """Recognize and locate the parts in images.
 
-    Finds several parts on a table whose pose the camera file or --marks states, else one part in any pose.
+    Finds several parts on a table if the pose of the camera is known (its file, --marks, --hand-poses), else one part
+    in any pose. Several images of one scene give one answer.
     """
     start = time.perf_counter()
+    cameras = Cameras(
+        camera=camera, marks=marks, hand_poses=hand_poses, hand_eye=hand_eye, hand_eye_sd=hand_eye_sd, robot=robot,
+        rectified=rectified, no_table=no_table,
+    )  # fmt: skip
     files.check_target("--picture", picture, (".png", ".jpg"))
-    files.check_different(
-        ("--picture", picture), inputs=[("the image", image), ("--camera", camera), ("--marks", marks)]
-    )
-    pixels = io.read_image(image)
-    taken, fit = io.read_camera(camera, rectified=rectified, shape=pixels.shape), None
-    for note in taken.notes:
-        complain("warning", f"{camera}: {note}")
-    if marks is not None:
-        taken, fit = io.scenes.place_camera(taken, marks)
-    if fit is not None and not json:
-        emit([_fit_words(fit)], sys.stderr)
+    sources = [("the image", image) for image in images]
+    files.check_different(("--picture", picture), inputs=[*sources, *cameras.files])
+    views = read_views(images, cameras)
+    if len(views) > 1:
+        require_poses(views, cameras)
+    first, others = views[0].camera, views[1:]
     if not json:
-        emit(_taken(taken), sys.stderr)
-    if pixels.max() < _DARK and not json:
-        words = f"a dark image, its largest level is {pixels.max():.0f} of 255. If it has 12 bits in 16, scale it."
-        print_text(f"{image}: {words}", sys.stderr)
+        emit(_taken(first, no_table), sys.stderr)
+    for image, view in zip(images, views, strict=True):
+        if view.pixels.max() < _DARK and not json:
+            largest = f"its largest level is {view.pixels.max():.0f} of 255"
+            print_text(f"{image}: a dark image, {largest}. If it has 12 bits in 16, scale it.", sys.stderr)
     models = files.read_all_parts(parts, units, quiet=json)
-    from tanteo.render import draw_sight
-    from tanteo.vision import see_anywhere, see_table
+    from tanteo.render.image_picture import draw_sight, stacked
+    from tanteo.vision import see
 
     loaded = time.perf_counter() - start
-    recognize = see_anywhere if taken.T_world_camera is None else see_table
-    sight = recognize(pixels, taken, models, top=top)
+    sight = see(views[0].pixels, first, models, others=others, on_table=not no_table, top=top)
     if picture is not None:
-        io.write_image(picture, draw_sight(pixels, taken, sight))
+        drawn = [
+            draw_sight(view.pixels, view.camera, one) for view, one in zip(views, (sight, *sight.others), strict=True)
+        ]
+        io.write_image(picture, stacked(drawn))
     sight = _timed(sight, loaded, time.perf_counter() - start)
     if json:
         put(io.documents.sight_json(sight, warned()))
@@ -82,13 +95,7 @@ def see(
     leave(decided=bool(sight.objects) and all(seen.answer.status == "recognized" for seen in sight.objects))
 
 
-def _fit_words(fit: CameraPose) -> str:
-    worst = int(fit.offs.argmax())
-    words = f"Camera fitted to {len(fit.offs)} marks, {fit.rms:.2f} px rms"
-    return words + (f"; number {worst + 1} is {fit.offs[worst]:.1f} px off." if fit.rms > _INEXACT else ".")
-
-
-def _taken(camera: Camera) -> list[str]:
+def _taken(camera: Camera, no_table: bool) -> list[str]:
     """Return lines about the assumptions on the camera."""
     lines = [f"Edges within {camera.edge_sd:.3g} px of where the lens puts them, 1 sd (edge_sd_px of the camera file)."]
     if camera.T_world_camera is None:
@@ -96,6 +103,8 @@ def _taken(camera: Camera) -> list[str]:
             "The pose of the camera is unknown (T_world_camera in its file, or --marks), and so is the table. The "
             "search is for one part in any pose, in the camera's frame (x right, y down, z ahead)."
         )
+    elif no_table:
+        lines.append("The search is for one part in any pose, in the world of the cameras (--no-table).")
     return lines
 
 

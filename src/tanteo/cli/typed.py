@@ -240,6 +240,25 @@ def tip(text: str) -> tuple[float, ...]:
     return values
 
 
+def pose_sds(name: str, text: str) -> tuple[float, float]:
+    """Return the standard deviations of a position [m] and of a rotation [rad] about each axis.
+
+    Args:
+        name: name of the option.
+        text: value as typed.
+
+    Raises:
+        InputError: the value is not a length and an angle, both positive.
+    """
+    length, _, angle = text.partition(",")
+    if not angle:
+        raise InputError(f"{name}: expected a length and an angle, got '{text}'. Write it as 1mm,0.2deg.")
+    turn = io.readings.parse_angle(angle, name)
+    if not 0 < turn <= math.pi:
+        raise InputError(f"{name}: expected an angle above 0 and up to 180 deg, got '{angle}'. Write it as 0.2deg.")
+    return spread(name, True, length), turn
+
+
 def standoff(text: str) -> float:
     """Return the stand-off of a hand's front [m].
 

@@ -76,7 +76,7 @@ class PythonFactor(PoseFactor):
             raise InputError(f"{self.name}: expected propose to return finite poses (K, 4, 4), got shape {Ts.shape}.")
         return Ts
 
-    def term(self, part: Part, first: int) -> _core.PoseTerm:
+    def term(self, part: Part, first: int, common: int = 0) -> _core.PoseTerm:
         """Compile the factor for one part.
 
         Exceptions of the functions reach the caller with a note that names the factor.

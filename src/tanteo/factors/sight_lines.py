@@ -104,12 +104,13 @@ class SightLines(PoseFactor):
             raise InputError(f"sight lines: expected a part with {self.through}, got {part.name}, which has none.")
         return found
 
-    def term(self, part: Part, first: int) -> _core.PoseTerm:
+    def term(self, part: Part, first: int, common: int = 0) -> _core.PoseTerm:
         """Compile the factor for one part.
 
         Args:
             part: candidate part.
             first: index of the factor's first shared error among those of all factors.
+            common: not used: the factor has no errors in common with others.
         """
         arrays = {
             "origin": self.origin[None],

@@ -14,6 +14,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.factors import PoseFactor
+from tanteo.factors.pose_factor import state_columns
 from tanteo.geometry import SE3
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms
@@ -55,7 +56,7 @@ class NormalPoses(PoseFactor):
         drawn = known.Ts[rows] @ SE3.exp((L @ rng.normal(size=(self.count, 6, 1)))[..., 0])
         return np.concatenate([known.Ts, drawn])
 
-    def term(self, part: Part, first: int) -> _core.PoseTerm:
+    def term(self, part: Part, first: int, common: int = 0) -> _core.PoseTerm:
         """Compile the densities for one part; they add no shared error."""
         if part not in self.mixtures:
             return _core.normal_poses(np.zeros((0, 4, 4)), np.zeros((0, 6, 6)), np.zeros(0))
@@ -103,8 +104,12 @@ class Alternatives(PoseFactor):
 
     @property
     def states(self) -> int:
-        """Return the number of shared errors of all factors."""
-        return sum(factor.states for group in self.groups for factor in group)
+        """Return the number of shared errors of all factors, those in common once."""
+        return state_columns(self._factors, 0)[1]
+
+    @property
+    def _factors(self) -> tuple[PoseFactor, ...]:
+        return tuple(factor for group in self.groups for factor in group)
 
     @property
     def is_pose_prior(self) -> bool:
@@ -115,13 +120,8 @@ class Alternatives(PoseFactor):
         """Return the poses of a part that any factor suggests ``(K, 4, 4)``."""
         return np.concatenate([factor.poses(part) for group in self.groups for factor in group])
 
-    def term(self, part: Part, first: int) -> _core.PoseTerm:
+    def term(self, part: Part, first: int, common: int = 0) -> _core.PoseTerm:
         """Compile the mixture for one part; shared errors follow one another, group by group."""
-        groups = []
-        for group in self.groups:
-            terms = []
-            for factor in group:
-                terms.append(factor.term(part, first))
-                first += factor.states
-            groups.append(terms)
+        at = iter(state_columns(self._factors, first)[0])
+        groups = [[factor.term(part, *next(at)) for factor in group] for group in self.groups]
         return _core.alternatives(groups, np.ascontiguousarray(self.log_weights, dtype=np.float64))

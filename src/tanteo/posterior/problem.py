@@ -10,6 +10,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.factors import ContactPoints, FreeRays, PoseFactor
+from tanteo.factors.pose_factor import state_columns
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, FloatArray, Indices, IntArray, Transforms
 from tanteo.parts import Part
@@ -85,7 +86,8 @@ class Problem:
     @property
     def shared_errors(self) -> int:
         """Return the number of shared errors: of the points first, then of each pose factor."""
-        return int(self.points.shared_jacobian.shape[2]) + sum(factor.states for factor in self.pose_factors)
+        own = int(self.points.shared_jacobian.shape[2])
+        return own + state_columns(self.pose_factors, own)[1]
 
     def may_fix(self, part: Part) -> bool:
         """Return whether there are enough measurements for the pose of a part; else the answer is insufficient."""
@@ -169,10 +171,9 @@ class Problem:
         )  # fmt: skip
         if table is not None:
             core.add(resting(table, prepared.part))
-        first = t.shared_jacobian.shape[2]
-        for factor in self.pose_factors:
-            core.add(factor.term(prepared.part, first))
-            first += factor.states
+        places, _ = state_columns(self.pose_factors, t.shared_jacobian.shape[2])
+        for factor, (first, common) in zip(self.pose_factors, places, strict=True):
+            core.add(factor.term(prepared.part, first, common))
         return core
 
     def _normals(self, prepared: PreparedPart) -> tuple[Transforms, FloatArray, FloatArray]:

@@ -46,7 +46,7 @@ class OnTable(PoseFactor):
         """Return True: the factor is a prior density of the pose."""
         return True
 
-    def term(self, part: Part, first: int) -> _core.PoseTerm:
+    def term(self, part: Part, first: int, common: int = 0) -> _core.PoseTerm:
         """Compile the prior for one part; it adds no shared error."""
         return _term(part, self.T_world_table, self.height_sd, self.tilt_sd, self.area)
 

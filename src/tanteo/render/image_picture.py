@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tanteo.geometry import SE3
@@ -57,6 +59,13 @@ def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
             _draw_axes(picture, camera, best.T_camera_part, 0.3 * best.model.part.diagonal)
         _write(picture, seen)
     return np.concatenate([picture, _legend(picture.shape[1])])
+
+
+def stacked(pictures: Sequence[np.ndarray]) -> np.ndarray:
+    """Return pictures below each other ``(rows, columns, 3)``, each with white to its right up to the widest."""
+    width = max(picture.shape[1] for picture in pictures)
+    filled = [np.pad(p, ((0, 0), (0, width - p.shape[1]), (0, 0)), constant_values=_PAPER) for p in pictures]
+    return np.concatenate(filled)
 
 
 def _legend(width: int) -> np.ndarray:

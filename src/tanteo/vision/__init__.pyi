@@ -21,6 +21,7 @@ from . import table as table
 from . import wireframe as wireframe
 from .answers import Question as Question
 from .camera import Camera as Camera
+from .camera import View as View
 from .descriptors import DESCRIPTOR_NAMES as DESCRIPTOR_NAMES
 from .edges import find_edges as find_edges
 from .ellipses import find_ellipses as find_ellipses
@@ -33,5 +34,4 @@ from .sight import see_table as see_table
 from .solid import follow as follow
 from .solid import see as see
 from .solid import see_anywhere as see_anywhere
-from .views import View as View
 from .views import view_factors as view_factors

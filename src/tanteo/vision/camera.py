@@ -8,13 +8,13 @@ the rational model with tangential terms (Brown 1966; the order of OpenCV and of
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import ModuleType
 
 import numpy as np
 
 from tanteo.errors import InputError, MissingExtraError
-from tanteo.geometry import check_covariance, frozen_array
+from tanteo.geometry import SE3, check_covariance, frozen_array
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 from tanteo.values import Value, lock
 from tanteo.vision.settings import EDGES, NEWTON_STEPS
@@ -47,6 +47,42 @@ DISTORTION_COUNTS = (0, 4, 5, 8)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Mounting(Value):
+    """The pose of a camera on a hand, whose error is the same in all images of one mounting.
+
+    Attributes:
+        T_hand_camera: pose of the camera in the hand's frame ``(4, 4)`` [m].
+        covariance: its covariance ``(6, 6)``, camera frame, right [m, rad], such as
+            :func:`~tanteo.sensors.calibration.calibrate_hand_eye` returns.
+
+    Raises:
+        InputError: the pose is no rigid motion, or the covariance is none.
+    """
+
+    T_hand_camera: Transforms
+    covariance: Covariances
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_hand_camera", rigid("T_hand_camera", self.T_hand_camera))
+        object.__setattr__(self, "covariance", check_covariance("mounting, covariance", self.covariance, 6))
+        lock(self)
+
+    def camera_at(self, camera: Camera, T_world_hand: Transforms, covariance: Covariances | None = None) -> Camera:
+        """Return a camera with its pose in the world, where the hand has a pose.
+
+        Args:
+            camera: camera of this mounting; its pose is not used.
+            T_world_hand: pose of the hand ``(4, 4)`` [m].
+            covariance: covariance of this pose ``(6, 6)``, hand frame, right [m, rad]; its error differs from image to
+                image. None if it is exact.
+        """
+        Ad = SE3.adjoint(SE3.inverse(self.T_hand_camera))
+        own = None if covariance is None else Ad @ np.asarray(covariance, dtype=np.float64) @ Ad.T
+        T = rigid("T_world_hand", T_world_hand) @ self.T_hand_camera
+        return replace(camera, T_world_camera=T, covariance=None if own is None else 0.5 * (own + own.T), mounting=self)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Camera(Value):
     """A calibrated camera.
 
@@ -55,7 +91,9 @@ class Camera(Value):
         size: width and height [px].
         distortion: coefficients ``k1 k2 p1 p2 [k3 [k4 k5 k6]]``; empty for a camera without distortion.
         T_world_camera: pose of the camera ``(4, 4)``; None if it is unknown.
-        covariance: covariance of that pose ``(6, 6)``, camera frame, right [m, rad]; None if the pose is exact.
+        covariance: covariance of that pose ``(6, 6)``, camera frame, right [m, rad], without that of the mounting;
+            None if the pose is exact.
+        mounting: mounting of the camera, whose error all images with this object have in common; None without one.
         edge_sd: standard deviation of the displacement of a whole edge by lens and calibration [px].
         notes: assumptions that were made when the camera was read, one sentence each.
 
@@ -73,6 +111,7 @@ class Camera(Value):
     distortion: FloatArray = field(default_factory=lambda: np.zeros(0))
     T_world_camera: Transforms | None = None
     covariance: Covariances | None = None
+    mounting: Mounting | None = None
     edge_sd: float = USUAL_EDGE_SD
     notes: tuple[str, ...] = ()
 
@@ -104,6 +143,13 @@ class Camera(Value):
         lock(self)
 
     @property
+    def pose_covariance(self) -> Covariances | None:
+        """Return the covariance of the pose with the error of the mounting ``(6, 6)``; None if the pose is exact."""
+        if self.mounting is None:
+            return self.covariance
+        return self.mounting.covariance + (0.0 if self.covariance is None else self.covariance)
+
+    @property
     def numbers(self) -> FloatArray:
         """Focal lengths, principal point and the eight coefficients of the lens ``(12,)``, for the core."""
         return np.array([*self.focal, *self.centre, *_all_terms(self.distortion)])
@@ -117,6 +163,22 @@ class Camera(Value):
     def centre(self) -> FloatArray:
         """Principal point ``(2,)`` [px]."""
         return self.K[:2, 2]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """One image and its camera.
+
+    Attributes:
+        pixels: grey levels from 0 to 255 ``(rows, columns)``; see :func:`tanteo.read_image`.
+        camera: calibrated camera with its pose in the world of the readings, or of the other images
+            (``T_world_camera``).
+        on_table: whether the object lies on a table, so that the image proposes such poses; if not, any poses.
+    """
+
+    pixels: FloatArray
+    camera: Camera
+    on_table: bool = True
 
 
 def rigid(name: str, T: Transforms) -> Transforms:

@@ -13,6 +13,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.factors import PoseFactor
+from tanteo.factors.pose_factor import CommonErrors, state_columns
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Part
@@ -91,17 +92,16 @@ class ImageEdges(PoseFactor):
 
     def __post_init__(self) -> None:
         points, camera = self.edges.points, self.camera
-        root = np.zeros((0, 6))  # root root' is the covariance of the camera's pose, which may be singular
-        if camera.covariance is not None:
-            values, vectors = np.linalg.eigh(camera.covariance)
-            root = np.ascontiguousarray(vectors * np.sqrt(values.clip(0.0)))
+        mounting = camera.mounting
+        root, mount = _root(camera.covariance), _root(None if mounting is None else mounting.covariance)
         # half of the variance of the lens shifts all edges together, half is in the edge itself (decision 43)
         shift = float(np.sqrt(0.5) * camera.edge_sd)
         # half of the variance of what misplaces a point is common to its edge, half is its own (decision 32)
         misplaced = 0.5 * (EDGES.floor**2 + (EDGES.by_drift * points.drifts) ** 2)
         own, common = np.sqrt(points.sds**2 + EDGES.floor**2 + misplaced), np.sqrt(misplaced + shift**2)
         image = _core.make_edge_image(
-            camera.numbers, np.ascontiguousarray(standing(camera)), root, shift if shift > EDGES.floor else 0.0,
+            camera.numbers, np.ascontiguousarray(standing(camera)), root, mount,
+            shift if shift > EDGES.floor else 0.0,
             self.edges.nearest, points.pixels, own, common, points.widths,
             np.ascontiguousarray(self.chance, dtype=np.float32),
         )  # fmt: skip
@@ -112,7 +112,13 @@ class ImageEdges(PoseFactor):
         """Number of shared errors: the camera's pose where it has a covariance, and the shift by the lens."""
         return self.image.states
 
-    def term(self, part: Part, first: int) -> _core.ImageEdges:
+    @property
+    def common(self) -> CommonErrors | None:
+        """Errors of the mounting of the camera, which all its images have in common; None without a mounting."""
+        mounting = self.camera.mounting
+        return None if mounting is None else CommonErrors(mounting, 6)
+
+    def term(self, part: Part, first: int, common: int = 0) -> _core.ImageEdges:
         """Compile the factor for one part.
 
         Of a part for which the image suggests no pose, the constant is the largest of all: the image fixes its pose as
@@ -124,15 +130,13 @@ class ImageEdges(PoseFactor):
         if known and part not in known:
             at, constants = _AWAY, np.array([max(own.max() for _, own in known.values())])
         rules = self.weights.rules(located=known is None or len(known) > 0)
-        return _core.image_edges(prepare_vision(part).seen, self.image, rules, at, constants, EVIDENCE.reach, first)
+        return _core.image_edges(
+            prepare_vision(part).seen, self.image, rules, at, constants, EVIDENCE.reach, first, common
+        )
 
     def poses(self, part: Part) -> Transforms:
         """Return the poses of a part that the image suggests ``(k, 4, 4)``."""
         return self.proposed.get(part, np.zeros((0, 4, 4)))
-
-    def sums_at(self, part: Part, Ts: Transforms, zs: FloatArray) -> Sums:
-        """Evaluate poses ``T_world_part`` of a part ``(B, 4, 4)`` and shared errors of the image ``(B, states)``."""
-        return Sums(*_core.image_sums(self.term(part, 0), np.ascontiguousarray(Ts), np.ascontiguousarray(zs)).T)
 
     def sums(self, model: VisionModel, T_camera_part: Transforms, *, coarse: bool = False) -> Sums:
         """Evaluate poses of a part before their refinement: whether edges are near, but not their exact positions.
@@ -143,9 +147,10 @@ class ImageEdges(PoseFactor):
             coarse: whether to use few samples of the part's edges, and edge points at up to twice the distance.
         """
         seen, reach = (model.seen_coarsely, 2 * EVIDENCE.reach) if coarse else (model.seen, EVIDENCE.reach)
-        term = _core.image_edges(seen, self.image, self.weights.rules(located=False), *_NO_LEVELS, reach, 0)
+        own = self.states
+        term = _core.image_edges(seen, self.image, self.weights.rules(located=False), *_NO_LEVELS, reach, 0, own)
         Ts = np.ascontiguousarray(standing(self.camera) @ T_camera_part)
-        return Sums(*_core.image_sums(term, Ts, np.zeros((len(Ts), self.states))).T)
+        return Sums(*_core.image_sums(term, Ts, np.zeros((len(Ts), state_columns((self,), 0)[1]))).T)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,13 +180,27 @@ class Sums:
     matched: FloatArray
 
 
-def sums_of(images: Sequence[ImageEdges], part: Part, Ts: Transforms, zs: FloatArray) -> list[Sums]:
-    """Return the sums of each image at poses ``(k, 4, 4)`` and the shared errors of all images there ``(k, D)``."""
-    out, first = [], 0
-    for image in images:
-        out.append(image.sums_at(part, Ts, np.ascontiguousarray(zs[:, first : first + image.states])))
-        first += image.states
-    return out
+def sums_of(images: Sequence[ImageEdges], part: Part, Ts: Transforms, zs: FloatArray | None = None) -> list[Sums]:
+    """Return the sums of each image at poses ``T_world_part``.
+
+    Args:
+        images: the edges of images, all those of one posterior.
+        part: the part.
+        Ts: poses ``(k, 4, 4)``.
+        zs: shared errors of all images at each ``(k, D)``; zeros if not given.
+    """
+    places, count = state_columns(images, 0)
+    zs = np.zeros((len(Ts), count)) if zs is None else zs[:, :count]
+    Ts, zs = np.ascontiguousarray(Ts), np.ascontiguousarray(zs)
+    return [Sums(*_core.image_sums(image.term(part, *at), Ts, zs).T) for image, at in zip(images, places, strict=True)]
+
+
+def _root(covariance: FloatArray | None) -> FloatArray:
+    """Return a root ``R`` of a covariance ``R R'``, which may be singular ``(6, 6)``; empty without one."""
+    if covariance is None:
+        return np.zeros((0, 6))
+    values, vectors = np.linalg.eigh(covariance)
+    return np.ascontiguousarray(vectors * np.sqrt(values.clip(0.0)))
 
 
 def standing(camera: Camera) -> Transforms:

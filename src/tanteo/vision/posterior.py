@@ -131,7 +131,7 @@ def searched(
 
 def _first_levels(images: Sequence[ImageEdges], part: Part, Ts: Transforms) -> tuple[Transforms, FloatArray]:
     """Return poses of a part, and the largest sum of where edges are about each."""
-    sums = [image.sums_at(part, Ts, np.zeros((len(Ts), image.states))) for image in images]
+    sums = sums_of(images, part, Ts)
     located = sum((one.located for one in sums), start=np.zeros(len(Ts)))
     groups = _near(part, Ts, sum((one.there for one in sums), start=np.zeros(len(Ts))))
     levels = np.array([located[members].max() for members in groups])

@@ -18,8 +18,7 @@ from tanteo.parts import Part, StoredParts, as_parts
 from tanteo.posterior import Answer, OnTable
 from tanteo.values import Value
 from tanteo.vision.answers import ImageMode, Question, deciding_touch, hypothesis, judged, too_many
-from tanteo.vision.camera import Camera, on_plane
-from tanteo.vision.candidates import candidates_in
+from tanteo.vision.camera import Camera, View, on_plane
 from tanteo.vision.descriptors import Descriptors, describe
 from tanteo.vision.edges import EdgePoints, chance_hits, find_edges, map_edges
 from tanteo.vision.ellipses import Ellipses, find_ellipses
@@ -30,6 +29,7 @@ from tanteo.vision.posterior import ImagePosterior, infer
 from tanteo.vision.regions import Region, bare_table, dilated, find_regions, hulls, silhouette
 from tanteo.vision.rims import name_ellipses
 from tanteo.vision.settings import EDGES, EVIDENCE
+from tanteo.vision.shots import Shot, image_candidates, same_objects
 from tanteo.vision.table import TableErrors, seen_table
 
 
@@ -92,7 +92,7 @@ class Sighting(Value):
         answer: answer, in the form of answers from readings.
         modes: modes of the hypotheses, in the same order.
         question: most useful touch; None if no touch from above decides between answers.
-        region: region of the object; None without a table.
+        region: region of the object in the first image; None without a table or where another image shows it.
         outline: descriptors of the outline of the region on the table, shadow included [m]; None without a region.
         similar: names of the parts with the likeliest outlines, the likeliest first.
         rims: for each ellipse of the image the hole or boss of the best answer whose rim it is; empty for none.
@@ -122,6 +122,7 @@ class Sight(Value):
         T_world_camera: pose of the camera; the identity if it is unknown.
         frame: frame of the poses, ``"world"``, or ``"camera"`` if the pose of the camera is unknown.
         ellipses: ellipses of the image, and refused arcs.
+        others: the same objects in further images, with poses in their cameras.
     """
 
     objects: tuple[Sighting, ...]
@@ -129,6 +130,7 @@ class Sight(Value):
     T_world_camera: Transforms
     frame: str = "world"
     ellipses: Ellipses = field(default_factory=lambda: Ellipses((), ()))
+    others: tuple[Sight, ...] = ()
 
 
 def see_table(
@@ -141,6 +143,7 @@ def see_table(
     weights: Weights | None = None,
     top: int = TOP,
     ignore: BoolArray | None = None,
+    others: Sequence[View] = (),
 ) -> Sight:
     """Recognize the objects on a table.
 
@@ -154,6 +157,7 @@ def see_table(
         weights: weights of the evidence.
         top: number of hypotheses for each object.
         ignore: pixels of known objects ``(rows, columns)``. A region that is mostly theirs is excluded.
+        others: further images of the same table, each with the pose of its camera. All images share one posterior.
 
     Returns:
         One sighting for each object: a recognized part, or a region whose edges neither the table nor parts explain.
@@ -163,51 +167,80 @@ def see_table(
         MissingExtraError: OpenCV is not installed.
     """
     parts = check_sight(image, camera, parts)
-    if camera.T_world_camera is None:
-        raise InputError("camera: expected its pose (T_world_camera), got none. Fit it with fit_camera.")
     start = time.perf_counter()
     T_world_table = np.eye(4) if T_world_table is None else T_world_table
-    T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
-    check_place(camera, T_camera_table, parts)
-    table, weights = table or TableErrors(), weights or Weights()
-    points = find_edges(image)
-    edges, chance = map_edges(points), chance_hits(points)
+    weights = weights or Weights()
+    shots = [shot_of(view, parts, T_world_table, table or TableErrors()) for view in (View(image, camera), *others)]
     objects = []
-    regions = find_regions(image, points, chance)
-    bare = bare_table(hulls(regions)) if regions else np.ones(points.shape, dtype=np.bool_)
-    for region in regions:
-        if ignore is not None and (region.mask & ignore).sum() > 0.5 * region.mask.sum():
+    for regions in same_objects(shots):
+        shown = next(k for k, region in enumerate(regions) if region is not None)
+        shot, region = shots[shown], regions[shown]
+        assert region is not None
+        if ignore is not None and shown == 0 and (region.mask & ignore).sum() > 0.5 * region.mask.sum():
             continue
-        drawn = outline_on_table(camera, region, T_camera_table)
-        chosen = narrowed(seen_outline(camera, region, T_camera_table), parts)
+        drawn = outline_on_table(shot.camera, region, shot.T_camera_table)
+        chosen = narrowed(seen_outline(shot.camera, region, shot.T_camera_table, T_world_table), parts)
         if not len(chosen.rows):
-            objects.append(Sighting(too_many(len(parts)), (), None, region, drawn))
+            objects.append(Sighting(too_many(len(parts)), (), None, regions[0], drawn))
             continue
         models = [prepared(parts[int(row)]) for row in chosen.rows]
-        image_edges = ImageEdges(camera, edges, chance, weights=weights)
-        errors = seen_table(table, camera, T_world_table)
-        image_edges, found = candidates_in(models, image_edges, T_camera_table, region, bare, errors, chosen.rests)
-        own = {id(c.model): camera.T_world_camera @ c.T_camera_part for c in found}
-        lying = OnTable(T_world_table, table.height, table.tilt, area_of(region, camera, T_camera_table))
+        images, own = image_candidates(models, shots, regions, chosen.rests, weights)
+        area = area_of(region, shot.camera, shot.T_camera_table)
+        lying = OnTable(T_world_table, shot.errors.height, shot.errors.tilt, area)
         posterior = infer(
-            (image_edges,),
+            images,
             [(model, own.get(id(model), np.zeros((0, 4, 4)))) for model in models],
             len(parts),
             lying=lying,
             log_left_out=chosen.log_left_out,
             left_out=chosen.left_out,
         )
-        seen = sighting(posterior, (image_edges,), region, T_world_table, top)
+        seen = sighting(posterior, images, regions[0], T_world_table, top)
         names = tuple(dict.fromkeys(part_of(parts[int(row)]).name for row in chosen.similar))
         factors = (*posterior.images, lying) if posterior.images else ()
         seen = replace(seen, factors=factors, log_known=posterior.log_known)
         objects.append(replace(seen, outline=drawn, similar=names))
+    points, chance = shots[0].points, shots[0].chance
     objects = separate(objects, camera, points, chance)
     ellipses = find_ellipses(camera, points.only(points.inside(of_objects(objects, camera))))
     seconds = {"total": time.perf_counter() - start}
     timed = [replace(o, answer=replace(o.answer, elapsed=seconds)) for o in objects]
     named = tuple(with_rims(seen, camera, ellipses) for seen in timed)
-    return Sight(named, points, camera.T_world_camera, ellipses=ellipses)
+    sight = Sight(named, points, standing(camera), ellipses=ellipses)
+    return replace(sight, others=in_others(sight, [(shot.camera, shot.points) for shot in shots[1:]]))
+
+
+def shot_of(view: View, parts: Sequence[Any], T_world_table: Transforms, errors: TableErrors) -> Shot:
+    """Return what an image of a table shows.
+
+    Raises:
+        InputError: the image has another size than its camera, or the pose of the camera is unknown or impossible.
+    """
+    camera = view.camera
+    check_size(view.pixels, camera)
+    if camera.T_world_camera is None:
+        raise InputError("camera: expected its pose (T_world_camera), got none. Fit it with fit_camera.")
+    T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
+    check_place(camera, T_camera_table, parts)
+    points = find_edges(view.pixels)
+    chance = chance_hits(points)
+    regions = find_regions(view.pixels, points, chance)
+    bare = bare_table(hulls(regions)) if regions else np.ones(points.shape, dtype=np.bool_)
+    errors = seen_table(errors, camera, T_world_table)
+    return Shot(camera, T_camera_table, errors, points, map_edges(points), chance, tuple(regions), bare)
+
+
+def in_others(sight: Sight, others: Sequence[tuple[Camera, EdgePoints]]) -> tuple[Sight, ...]:
+    """Return the objects of a result in other images, with poses in their cameras, to draw them."""
+    out = []
+    for camera, points in others:
+        T = SE3.inverse(standing(camera)) @ sight.T_world_camera
+        moved = [
+            tuple(replace(mode, T_camera_part=T @ mode.T_camera_part) for mode in seen.modes) for seen in sight.objects
+        ]
+        objects = [replace(seen, modes=modes, region=None) for seen, modes in zip(sight.objects, moved, strict=True)]
+        out.append(Sight(tuple(objects), points, standing(camera), sight.frame))
+    return tuple(out)
 
 
 def separate(objects: Sequence[Sighting], camera: Camera, points: EdgePoints, chance: FloatArray) -> list[Sighting]:
@@ -227,8 +260,7 @@ def separate(objects: Sequence[Sighting], camera: Camera, points: EdgePoints, ch
     known = [sum(mode.probability for mode in seen.modes) for seen in objects]
     for k in sorted(range(len(objects)), key=lambda k: (-known[k], k)):
         seen = objects[k]
-        assert seen.region is not None
-        covers = seen.region.mask
+        covers = np.zeros(points.shape, dtype=np.bool_) if seen.region is None else seen.region.mask
         if known[k] > 0.5:
             covers = silhouette(seen.modes[0].model.frame.surface, camera, seen.modes[0].T_camera_part)
         information = edge_information(points, chance, dilated(covers) & ~explained)
@@ -238,7 +270,7 @@ def separate(objects: Sequence[Sighting], camera: Camera, points: EdgePoints, ch
         kept.append((k, seen))
         if known[k] > 0.5:
             # the shadow beside a part makes edges, too
-            explained |= dilated(covers | seen.region.mask)
+            explained |= dilated(covers if seen.region is None else covers | seen.region.mask)
     return [seen for _, seen in sorted(kept, key=lambda one: one[0])]
 
 

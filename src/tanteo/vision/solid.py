@@ -19,19 +19,30 @@ from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
 from tanteo.posterior import DEFAULTS, Answer, box_corners
 from tanteo.vision.answers import hypothesis, judged
-from tanteo.vision.camera import Camera, project
-from tanteo.vision.edges import EdgeMap, cell_of, chance_hits, channel_of, find_edges, map_edges
+from tanteo.vision.camera import Camera, View, project
+from tanteo.vision.edges import EdgeMap, EdgePoints, cell_of, chance_hits, channel_of, find_edges, map_edges
 from tanteo.vision.ellipse_fit import Ellipse
-from tanteo.vision.ellipses import find_ellipses
+from tanteo.vision.ellipses import Ellipses, find_ellipses
 from tanteo.vision.fit import refine
 from tanteo.vision.image_edges import ImageEdges, Weights, standing
 from tanteo.vision.models import VisionModel
+from tanteo.vision.outlines import check_size
 from tanteo.vision.paths import image_paths, model_paths, poses_from_paths
 from tanteo.vision.posterior import infer
 from tanteo.vision.rims import poses_from_ellipses
 from tanteo.vision.segments import find_corners, find_segments
 from tanteo.vision.settings import EVIDENCE, SEARCH
-from tanteo.vision.sight import Sight, Sighting, check_sight, image_modes, prepared, see_table, with_rims
+from tanteo.vision.shots import jointly
+from tanteo.vision.sight import (
+    Sight,
+    Sighting,
+    check_sight,
+    image_modes,
+    in_others,
+    prepared,
+    see_table,
+    with_rims,
+)
 from tanteo.vision.wireframe import Wireframe, in_camera, see_edges
 
 
@@ -42,6 +53,7 @@ def see_anywhere(
     *,
     weights: Weights | None = None,
     top: int = TOP,
+    others: Sequence[View] = (),
 ) -> Sight:
     """Recognize one object in any pose, without a table.
 
@@ -51,30 +63,36 @@ def see_anywhere(
         parts: candidates with corners, holes or bosses; parts without them are not found.
         weights: weights of the evidence.
         top: number of hypotheses.
+        others: further images of the same object. All cameras have poses then, and all images share one posterior.
 
     Returns:
         One object with its modes, or none if no corner or ellipse of the image fits a part.
 
     Raises:
-        InputError: there are no parts, more than 200 parts, or the image has another size than the camera.
+        InputError: there are no parts, more than 200 parts, an image has another size than its camera, or several
+            images have a camera without a pose.
         MissingExtraError: OpenCV is not installed.
     """
     parts = check_sight(image, camera, parts)
+    views = View(image, camera), *others
+    for view in views:
+        check_size(view.pixels, view.camera)
+        if others and view.camera.T_world_camera is None:
+            raise InputError(
+                "camera: expected the pose of each camera (T_world_camera) with several images, got none. Give "
+                "--hand-poses and --hand-eye, --marks, or a pose in the file."
+            )
     if len(parts) > DEFAULTS.pruning.least:
         raise InputError(
             f"parts: expected at most {DEFAULTS.pruning.least} where the pose of the camera is unknown, got "
             f"{len(parts):,}. Give the pose of the camera over the table (--marks, T_world_camera), or fewer parts."
         )
     models = [prepared(one) for one in parts]
-    points = find_edges(image)
-    edges = map_edges(points)
-    ellipses = find_ellipses(camera, points)
-    seen = ImageEdges(camera, edges, chance_hits(points), weights=weights or Weights())
-    proposals, tried = propose_anywhere(image, seen, ellipses.found, models)
-    # the best of many poses exceeds chance by about the logarithm of their number
-    seen = replace(seen, log_unknown=float(np.log(tried)))
-    posterior = infer((seen,), [(model, standing(camera) @ T) for model, T in proposals], len(models))
-    hypotheses = tuple(hypothesis(mode, (seen,)) for mode in posterior.modes[:top])
+    found_points = [find_edges(view.pixels) for view in views]
+    images, proposals, ellipses = proposed_anywhere(views, found_points, models, weights or Weights())
+    points = found_points[0]
+    posterior = infer(images, proposals, len(models))
+    hypotheses = tuple(hypothesis(mode, images) for mode in posterior.modes[:top])
     status, findings = judged(hypotheses, posterior)
     answer = Answer(status, findings, hypotheses, posterior.unknown)
     found = Sighting(
@@ -87,7 +105,42 @@ def see_anywhere(
     )
     objects = (with_rims(found, camera, ellipses),) if found.modes else ()
     frame = "camera" if camera.T_world_camera is None else "world"
-    return Sight(objects, points, standing(camera), frame, ellipses)
+    sight = Sight(objects, points, standing(camera), frame, ellipses)
+    return replace(
+        sight, others=in_others(sight, [(v.camera, p) for v, p in zip(others, found_points[1:], strict=True)])
+    )
+
+
+def proposed_anywhere(
+    views: Sequence[View], points: Sequence[EdgePoints], models: Sequence[VisionModel], weights: Weights
+) -> tuple[tuple[ImageEdges, ...], list[tuple[VisionModel, Transforms]], Ellipses]:
+    """Return images of one object as factors, poses of each part that they propose, and the ellipses of the first.
+
+    Args:
+        views: images with the poses of their cameras; the pose of a single one may be unknown.
+        points: edge points of each.
+        models: parts.
+        weights: weights of the evidence.
+    """
+    images, proposals, tried, first = [], [(model, [np.zeros((0, 4, 4))]) for model in models], 0, None
+    for view, own in zip(views, points, strict=True):
+        ellipses = find_ellipses(view.camera, own)
+        first = first or ellipses
+        image = ImageEdges(view.camera, map_edges(own), chance_hits(own), weights=weights)
+        found, count = propose_anywhere(view.pixels, image, ellipses.found, models)
+        tried += count
+        for (_, all_), (_, T) in zip(proposals, found, strict=True):
+            all_.append(standing(view.camera) @ T)
+        images.append(image)
+    assert first is not None
+    # the best of many poses exceeds chance by about the logarithm of their number
+    images[0] = replace(images[0], log_unknown=float(np.log(tried)))
+    every = [(model, np.concatenate(all_)) for model, all_ in proposals]
+    some = [(model, Ts, np.zeros(len(Ts))) for model, Ts in every if len(Ts)]
+    if len(views) == 1 or not some:
+        return tuple(images), every, first
+    _, kept = jointly(images, some, unknown=False)
+    return tuple(images), [(model, kept.get(id(model), Ts)) for model, Ts in every], first
 
 
 def _ahead(part: Part, T_camera_part: Transforms) -> Transforms:
@@ -192,8 +245,16 @@ def coarse_scores(frame: Wireframe, camera: Camera, edges: EdgeMap, Ts: Transfor
     return np.concatenate(out) if out else np.zeros(0)
 
 
-def see(image: FloatArray, camera: Camera, parts: Sequence[Part] | Sequence[VisionModel], *, top: int = TOP) -> Sight:
-    """Recognize the parts that an image shows: part, pose, and the touch that decides between answers.
+def see(
+    image: FloatArray,
+    camera: Camera,
+    parts: Sequence[Part] | Sequence[VisionModel],
+    *,
+    others: Sequence[View] = (),
+    on_table: bool = True,
+    top: int = TOP,
+) -> Sight:
+    """Recognize the parts that images show: part, pose, and the touch that decides between answers.
 
     Args:
         image: grey levels from 0 to 255 ``(rows, columns)``; see :func:`tanteo.read_image`.
@@ -201,6 +262,9 @@ def see(image: FloatArray, camera: Camera, parts: Sequence[Part] | Sequence[Visi
             (:func:`tanteo.vision.see_table`). Without it one part may have any pose in the frame of the camera
             (:func:`tanteo.vision.see_anywhere`).
         parts: candidates.
+        others: further images of the same scene, each with the pose of its camera in the same world. All images share
+            one posterior; so do errors of the poses of cameras with one :class:`~tanteo.vision.camera.Mounting`.
+        on_table: whether the parts lie on the table z = 0 of the world; if not, one part may have any pose.
         top: number of hypotheses for each object.
 
     Returns:
@@ -217,5 +281,5 @@ def see(image: FloatArray, camera: Camera, parts: Sequence[Part] | Sequence[Visi
         >>> sight.frame, [seen.answer.status for seen in sight.objects]
         ('camera', ['ambiguous'])
     """
-    recognize = see_anywhere if camera.T_world_camera is None else see_table
-    return recognize(image, camera, parts, top=top)
+    recognize = see_table if on_table and camera.T_world_camera is not None else see_anywhere
+    return recognize(image, camera, parts, top=top, others=others)

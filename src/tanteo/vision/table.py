@@ -50,7 +50,8 @@ def lying_information(T_table_part: Transforms, centre: Vectors, errors: TableEr
 
 def seen_table(errors: TableErrors, camera: Camera, T_world_table: Transforms) -> TableErrors:
     """Return the errors of the table in the frame of the camera, with those of the camera's pose."""
-    if camera.covariance is None or camera.T_world_camera is None:
+    covariance = camera.pose_covariance
+    if covariance is None or camera.T_world_camera is None:
         return errors
     T = SE3.inverse(T_world_table) @ camera.T_world_camera
     # the effect of the camera's error on the table about the point on the optical axis
@@ -58,9 +59,9 @@ def seen_table(errors: TableErrors, camera: Camera, T_world_table: Transforms) -
     up, first, second = T[2, :3], T[0, :3], T[1, :3]
     height = np.concatenate([up, np.cross(middle, up)])
     tilts = np.concatenate([np.zeros((2, 3)), np.stack([first, second])], axis=1)
-    tilt = float(np.trace(tilts @ camera.covariance @ tilts.T)) / 2
+    tilt = float(np.trace(tilts @ covariance @ tilts.T)) / 2
     return TableErrors(
-        float(np.sqrt(errors.height**2 + height @ camera.covariance @ height)), float(np.sqrt(errors.tilt**2 + tilt))
+        float(np.sqrt(errors.height**2 + height @ covariance @ height)), float(np.sqrt(errors.tilt**2 + tilt))
     )
 
 

@@ -20,8 +20,8 @@ namespace {
 
 using namespace nb::literals;
 
-std::shared_ptr<EdgeImage> make_edge_image(Doubles camera, Doubles T_world_camera, Doubles camera_root, double shift_sd,
-                                           Ints nearest, Doubles pixels, Doubles sds, Doubles commons, Doubles widths,
+std::shared_ptr<EdgeImage> make_edge_image(Doubles camera, Doubles T_world_camera, Doubles camera_root,
+                                           Doubles mount_root, double shift_sd, Ints nearest, Doubles pixels, Doubles sds, Doubles commons, Doubles widths,
                                            Floats chance) {
     auto image = std::make_shared<EdgeImage>();
     image->lens = lens_of(camera);
@@ -29,6 +29,7 @@ std::shared_ptr<EdgeImage> make_edge_image(Doubles camera, Doubles T_world_camer
     if (T_world_camera.size() == 0) refuse("T_world_camera", "expected one pose");
     image->T_world_camera = load_pose(T_world_camera.data());
     if (camera_root.size()) image->camera_root = doubles(camera_root, "camera_root", {6, 6});
+    if (mount_root.size()) image->mount_root = doubles(mount_root, "mount_root", {6, 6});
     image->shift_sd = expect(shift_sd, "shift_sd", 0, 1e3);
     if (nearest.ndim() != 3 || nearest.size() == 0) refuse("nearest", "expected channels x rows x columns");
     image->channels = static_cast<int64_t>(nearest.shape(0));
@@ -61,7 +62,7 @@ std::shared_ptr<EdgePart> make_edge_part(std::shared_ptr<EdgeFrame> frame, Ints 
 }
 
 std::shared_ptr<ImageEdges> image_edges(std::shared_ptr<EdgePart> part, std::shared_ptr<EdgeImage> image, Doubles rules,
-                                        Doubles level_poses, Doubles levels, double reach, int first) {
+                                        Doubles level_poses, Doubles levels, double reach, int first, int common) {
     expect(rules, "rules", {17});
     if (rules.size() == 0) refuse("rules", "expected 17 numbers");
     const double* r = rules.data();
@@ -74,7 +75,7 @@ std::shared_ptr<ImageEdges> image_edges(std::shared_ptr<EdgePart> part, std::sha
     std::vector<PoseLevel> known;
     for (size_t k = 0; k < at.size(); ++k) known.push_back({at[k], levels.data()[k]});
     return std::make_shared<ImageEdges>(std::move(part), std::move(image), all, std::move(known), expect(reach, "reach", 1e-9, 1e9),
-                                        static_cast<int>(expect(first, "first", 0, 1e3)));
+                                        static_cast<int>(expect(first, "first", 0, 1e3)), static_cast<int>(expect(common, "common", 0, 1e3)));
 }
 
 // The sums of the log density of an image at states, one row each: log density, its part by the presence of edges, hits,
@@ -164,11 +165,11 @@ void offer_pose_terms(nb::module_& m) {
     nb::class_<StablePoses, PoseTerm>(m, "StablePoses");
     nb::class_<NormalPoses, PoseTerm>(m, "NormalPoses");
     nb::class_<Alternatives, PoseTerm>(m, "Alternatives");
-    m.def("make_edge_image", &make_edge_image, "camera"_a, "T_world_camera"_a, "camera_root"_a, "shift_sd"_a, "nearest"_a,
+    m.def("make_edge_image", &make_edge_image, "camera"_a, "T_world_camera"_a, "camera_root"_a, "mount_root"_a, "shift_sd"_a, "nearest"_a,
           "pixels"_a, "sds"_a, "commons"_a, "widths"_a, "chance"_a);
     m.def("make_edge_part", &make_edge_part, "frame"_a, "groups"_a, "bends"_a, "marks"_a);
     m.def("image_edges", &image_edges, "part"_a, "image"_a, "rules"_a, "level_poses"_a, "levels"_a,
-          "reach"_a, "first"_a);
+          "reach"_a, "first"_a, "common"_a);
     m.def("image_sums", &image_sums, "term"_a, "poses"_a, "shared"_a);
     m.def("stable_poses", &stable_poses, "ups"_a, "heights"_a, "log_weights"_a, "centroid"_a, "freedom"_a, "axis"_a,
           "T_world_table"_a, "height_sd"_a, "tilt_sd"_a, "area"_a);

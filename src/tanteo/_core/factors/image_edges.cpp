@@ -14,7 +14,7 @@ namespace {
 constexpr double EYE_STEP = 2e-3;
 constexpr size_t MOST_VIEWS = 4096;
 
-constexpr int MOST_COLUMNS = 14;
+constexpr int MOST_COLUMNS = 20;
 
 double normal_density(double d, double sd) { return std::exp(-0.5 * d * d / (sd * sd)) / (std::sqrt(2 * PI) * sd); }
 
@@ -29,13 +29,15 @@ struct ImageEdges::Sample {
 };
 
 ImageEdges::ImageEdges(std::shared_ptr<const EdgePart> part_, std::shared_ptr<const EdgeImage> image_,
-                       const EdgeRules& rules_, std::vector<PoseLevel> levels_, double reach_, int first_)
+                       const EdgeRules& rules_, std::vector<PoseLevel> levels_, double reach_, int first_,
+                       int common_)
     : part(std::move(part_)),
       image(std::move(image_)),
       rules(rules_),
       levels(std::move(levels_)),
       reach(reach_),
       first(first_),
+      common(common_),
       points{image->nearest.data(), static_cast<int64_t>(image->sds.size()), image->rows, image->columns,
              image->pixels.data(), image->sds.data(), Channels(image->channels)} {}
 
@@ -83,16 +85,25 @@ double ImageEdges::level_at(const Pose& T, double least) const {
 ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) const {
     const EdgeFrame& frame = *part->frame;
     const double* z = state.z.data() + first;
-    const int of_camera = image->camera_states(), states = image->states();
+    const int of_camera = image->camera_states(), own = image->states(), states = own + image->mount_states();
     Pose camera = image->T_world_camera;
-    if (of_camera) {
+    // the roots of the errors of the camera's pose, the errors, and their first columns of a row
+    struct Root {
+        const double *root, *z;
+        int column;
+    };
+    std::vector<Root> roots;
+    if (of_camera) roots.push_back({image->camera_root.data(), z, 6});
+    if (states > own) roots.push_back({image->mount_root.data(), state.z.data() + common, 6 + own});
+    if (!roots.empty()) {
         double xi[6] = {0};
-        for (int i = 0; i < 6; ++i)
-            for (int k = 0; k < 6; ++k) xi[i] += image->camera_root[6 * i + k] * z[k];
+        for (const Root& one : roots)
+            for (int i = 0; i < 6; ++i)
+                for (int k = 0; k < 6; ++k) xi[i] += one.root[6 * i + k] * one.z[k];
         camera = moved(camera, load(xi), load(xi + 3), {});
     }
     Lens lens = image->lens;
-    if (states > of_camera) {
+    if (own > of_camera) {
         lens.cx += image->shift_sd * z[of_camera];
         lens.cy += image->shift_sd * z[of_camera + 1];
     }
@@ -100,7 +111,7 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
     const std::shared_ptr<const View> view = view_from(into_part(pose, {}));
 
     int columns[MOST_COLUMNS];
-    for (int c = 0; c < 6 + states; ++c) columns[c] = c < 6 ? c : first + c;
+    for (int c = 0; c < 6 + states; ++c) columns[c] = c < 6 ? c : c < 6 + own ? first + c : common + c - own;
     std::vector<Sample> all, matched;
     std::vector<EdgePlace> everywhere, places;
     std::vector<double> missed(part->edges), missed_log(part->edges);
@@ -129,16 +140,15 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
             const Vec3 by = load(m.slope), turn = load(m.slope + 3) + cross(by, slope->centre);
             store(-by, row);
             store(-turn, row + 3);
-            if (of_camera) {  // with the camera, a point of its frame moves by -v - w x p
+            for (const Root& one : roots) {  // with the camera, a point of its frame moves by -v - w x p
                 const Vec3 by_point = pose.R * by, by_turn = cross(pose.R * frame.samples[k].at + pose.t, by_point);
                 for (int c = 0; c < 6; ++c) {
-                    row[6 + c] = 0;
+                    row[one.column + c] = 0;
                     for (int i = 0; i < 3; ++i)
-                        row[6 + c] += by_point[i] * image->camera_root[6 * i + c] +
-                                      by_turn[i] * image->camera_root[6 * (3 + i) + c];
+                        row[one.column + c] += by_point[i] * one.root[6 * i + c] + by_turn[i] * one.root[6 * (3 + i) + c];
                 }
             }
-            if (states > of_camera) {
+            if (own > of_camera) {
                 row[6 + of_camera] = -image->shift_sd * m.nx;
                 row[7 + of_camera] = -image->shift_sd * m.ny;
             }
@@ -147,15 +157,15 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
         places.push_back({m.x + offset * m.nx, m.y + offset * m.ny, m.nx, m.ny, std::max(m.span, rules.beside),
                           std::fabs(offset), edge});
     }
-    const std::vector<char> own = foremost(places, rules.along);
+    const std::vector<char> is_own = foremost(places, rules.along);
     std::vector<double> length(part->edges);
     for (size_t k = 0; k < matched.size(); ++k)
-        if (own[k]) length[matched[k].edge] += matched[k].at.span;
+        if (is_own[k]) length[matched[k].edge] += matched[k].at.span;
 
     Sums sums;
     const double spread = 1 / (rules.spread * rules.spread), wide = 1 / (rules.displaced_sd * rules.displaced_sd);
     for (size_t k = 0; k < matched.size(); ++k) {
-        if (!own[k]) continue;
+        if (!is_own[k]) continue;
         const EdgeMatch& m = matched[k].at;
         const float chance = image->chance[image->chance.size() > 1 ? m.point : 0];
         const double d = matched[k].offset, scale = matched[k].seen * 2 * rules.reach / chance;

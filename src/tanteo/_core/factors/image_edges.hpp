@@ -36,8 +36,10 @@
 // because edges are more exact than models of parts and of light (decision 87). Farther from these poses, S_0 is at least
 // the S of edges that all come from other objects: there the image carries no information on the pose.
 //
-// Shared errors: the camera's pose, T_world_camera exp(S z) with S S' its covariance, and a shift of all edges in the image.
+// Shared errors: the camera's pose, T_world_camera exp(S z + M y) with S S' its covariance in this image and M M' that of its
+// mounting, whose errors y are the same in all images of the mounting; and a shift of all edges in the image.
 #pragma once
+#include <algorithm>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -54,6 +56,7 @@ struct EdgeImage {
     Lens lens;
     Pose T_world_camera;
     std::vector<double> camera_root;  // 36, row-major: S; empty if the camera's pose is exact
+    std::vector<double> mount_root;   // 36, row-major: M; empty if the camera has no mounting in common with other images
     double shift_sd = 0;              // common shift of all edges along each axis [px]; 0: no state
     int64_t rows = 0, columns = 0, channels = 0;
     std::vector<int32_t> nearest;     // channels x rows x columns: the nearest edge point of a direction; -1 for none
@@ -62,6 +65,7 @@ struct EdgeImage {
 
     int camera_states() const { return camera_root.empty() ? 0 : 6; }
     int states() const { return camera_states() + (shift_sd > 0 ? 2 : 0); }
+    int mount_states() const { return mount_root.empty() ? 0 : 6; }
 };
 
 struct EdgeRules {
@@ -95,13 +99,15 @@ struct EdgePart {
 
 class ImageEdges : public PoseTerm {
   public:
-    // first: index in z of the first shared error of the image; reach: largest distance of a matched edge point [px];
-    // levels: S_0 is 0 if there are none.
+    // first: index in z of the first shared error of the image; common: of the first error of its mounting; reach: largest
+    // distance of a matched edge point [px]; levels: S_0 is 0 if there are none.
     ImageEdges(std::shared_ptr<const EdgePart> part, std::shared_ptr<const EdgeImage> image, const EdgeRules& rules,
-               std::vector<PoseLevel> levels, double reach, int first);
+               std::vector<PoseLevel> levels, double reach, int first, int common);
 
     double add(const State& state, const Slope* slope) const override;
-    int columns() const override { return first + image->states(); }
+    int columns() const override {
+        return std::max(first + image->states(), image->mount_states() ? common + image->mount_states() : 0);
+    }
 
     // The sums of the log density at a state.
     struct Sums {
@@ -130,7 +136,7 @@ class ImageEdges : public PoseTerm {
     EdgeRules rules;
     std::vector<PoseLevel> levels;
     double reach;
-    int first;
+    int first, common;
     EdgePoints points;
     mutable std::mutex mutex;
     mutable std::map<std::array<int64_t, 4>, std::shared_ptr<const View>> views;

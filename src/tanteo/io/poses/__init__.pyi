@@ -1,5 +1,4 @@
-from .hand_eye_file import hand_eye_yaml as hand_eye_yaml
-from .hand_eye_file import read_hand_eye_samples as read_hand_eye_samples
+from . import hand_eye_file as hand_eye_file
 from .pose_syntax import parse_pose as parse_pose
 from .pose_text import POSE_NAMES as POSE_NAMES
 from .pose_text import check_pose_name as check_pose_name
