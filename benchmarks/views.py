@@ -2,10 +2,9 @@
 
 A camera on a hand (1,000 px focal length) takes ``views`` images of a part in any pose from 0.5 m. The pose of the
 camera on the hand has the errors of a hand-eye calibration, the same in all images, and each pose of the hand has the
-repeatability of a robot. All parts of ``examples/parts`` are candidates. Printed are: how often the part is right and
-recognized, the median and largest position and rotation errors, NEES over its degrees of freedom with the interval of
-95 % for the number of scenes, how often the region of 95 % holds the pose, and the processor time; for one view and for
-all of them.
+repeatability of a robot. All parts of ``examples/parts`` are candidates. One row is printed for one view and one for all
+views. It states how often the part is right and recognized, position and rotation errors, NEES over its degrees of
+freedom with the interval of 95 % for the number of scenes, and the processor time.
 
 ``--keep FILE`` and ``--processes N``: ``campaign.py``.
 """
@@ -64,8 +63,8 @@ def views_of(part, T_world_part, count, rng):
         way = np.array([np.cos(turn) * np.sin(tilt), np.sin(turn) * np.sin(tilt), np.cos(tilt)])
         T = looking(MIDDLE + DISTANCE * way, MIDDLE + rng.normal(0, 0.01, 3), rng.uniform(-0.5, 0.5))
         camera = Camera(K, SIZE, T_world_camera=T)
-        look = Appearance(table=rng.uniform(90, 210), blur=rng.uniform(0.5, 1.0), noise=rng.uniform(1.0, 3.0))
-        pixels, _ = render(Stage(camera, [paint], look), rng)
+        light = Appearance(table=rng.uniform(90, 210), blur=rng.uniform(0.5, 1.0), noise=rng.uniform(1.0, 3.0))
+        pixels, _ = render(Stage(camera, [paint], light), rng)
         reported = T @ SE3.inverse(T_hand_camera) @ SE3.exp(-rng.normal(size=6) * np.repeat(HAND, 3))
         out.append(View(pixels, mounting.camera_at(camera, reported, own)))
     return out

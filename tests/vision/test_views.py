@@ -105,7 +105,7 @@ def test_two_views_of_a_table_give_one_answer(scene):
     first, second = views
     alone = see_table(first.pixels, first.camera, parts).objects[0].answer
     both = see_table(first.pixels, first.camera, parts, others=[second])
-    assert len(both.objects) == 1  # the two regions are of one object
+    assert len(both.objects) == 1  # both regions show it
     best = both.objects[0].answer.best
     assert best.part == parts[0].name
     assert best.probability >= alone.best.probability

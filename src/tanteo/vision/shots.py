@@ -47,7 +47,7 @@ class Shot:
 def same_objects(shots: Sequence[Shot]) -> list[tuple[Region | None, ...]]:
     """Return the objects on the table: for each one its region in each image, or None where it has no region.
 
-    Regions of two images are of one object if their outlines overlap on the plane of the table, the largest overlap
+    Regions of two images show one object if their outlines overlap on the plane of the table, the largest overlap
     first. Outlines of high parts are shifted there by the perspective, but their feet overlap.
     """
     objects: list[list[Region | None]] = [[region] for region in shots[0].regions]

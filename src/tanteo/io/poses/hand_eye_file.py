@@ -271,7 +271,7 @@ def read_mounting(path: str | Path, sds: tuple[float, float] | None = None) -> M
         sds: standard deviations of position [m] and rotation [rad] about each axis, in place of those of the file.
 
     Raises:
-        InputError: the file cannot be read, is of a fixed camera, or neither it nor ``sds`` states a covariance.
+        InputError: the file cannot be read, describes a fixed camera, or neither it nor ``sds`` states a covariance.
     """
     from tanteo.io.documents.mount_files import read_mount
 
