@@ -2,8 +2,8 @@
 
 A camera on a hand (1,000 px focal length) takes ``views`` images of a part in any pose from 0.5 m. The pose of the
 camera on the hand has the errors of a hand-eye calibration, the same in all images, and each pose of the hand has the
-repeatability of a robot. All parts of ``examples/parts`` are candidates. One row is printed for one view and one for all
-views. It states how often the part is right and recognized, position and rotation errors, NEES over its degrees of
+repeatability of a robot. All parts of ``examples/parts`` are candidates. One row is printed for one view and one for
+all views. It states how often the part is right and recognized, position and rotation errors, NEES over its degrees of
 freedom with the interval of 95 % for the number of scenes, and the processor time.
 
 ``--keep FILE`` and ``--processes N``: ``campaign.py``.
