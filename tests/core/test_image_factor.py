@@ -266,13 +266,13 @@ def test_what_cannot_be_meant_is_refused(scene):
     model, camera, edges, factor, _ = scene
     points = edges.points
     right = [
-        camera.numbers, camera.T_world_camera, np.eye(6), 0.1, edges.nearest, points.pixels, points.sds, points.sds,
-        points.widths, np.array([0.1], dtype=np.float32),
+        camera.numbers, camera.T_world_camera, np.eye(6), np.zeros((0, 6)), 0.1, edges.nearest, points.pixels, points.sds,
+        points.sds, points.widths, np.array([0.1], dtype=np.float32),
     ]  # fmt: skip
     assert _core.make_edge_image(*right).states == 8
     wrong = {
-        0: np.zeros(3), 1: np.eye(3), 2: np.eye(5), 3: -1.0, 4: edges.nearest[0], 5: points.pixels[:, :1],
-        6: 0 * points.sds, 7: points.sds[1:], 8: points.widths[1:], 9: np.zeros(1, dtype=np.float32),
+        0: np.zeros(3), 1: np.eye(3), 2: np.eye(5), 3: np.eye(5), 4: -1.0, 5: edges.nearest[0], 6: points.pixels[:, :1],
+        7: 0 * points.sds, 8: points.sds[1:], 9: points.widths[1:], 10: np.zeros(1, dtype=np.float32),
     }  # fmt: skip
     for k, value in wrong.items():
         with pytest.raises(ValueError, match="expected"):
