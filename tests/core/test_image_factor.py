@@ -266,8 +266,8 @@ def test_what_cannot_be_meant_is_refused(scene):
     model, camera, edges, factor, _ = scene
     points = edges.points
     right = [
-        camera.numbers, camera.T_world_camera, np.eye(6), np.zeros((0, 6)), 0.1, edges.nearest, points.pixels, points.sds,
-        points.sds, points.widths, np.array([0.1], dtype=np.float32),
+        camera.numbers, camera.T_world_camera, np.eye(6), np.zeros((0, 6)), 0.1, edges.nearest, points.pixels,
+        points.sds, points.sds, points.widths, np.array([0.1], dtype=np.float32),
     ]  # fmt: skip
     assert _core.make_edge_image(*right).states == 8
     wrong = {

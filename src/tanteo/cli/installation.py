@@ -48,6 +48,7 @@ EXTRAS = {
     "bags": ("rosbags", "recordings of ROS, sessions as MCAP"),
     "urdf": ("xacro", "rigs from xacro files (--rig robot.xacro#link)"),
     "ros": ("rclpy", "a node of ROS 2 (tanteo ros)"),
+    "sim": ("mujoco", "a robot arm in the simulator (tanteo sense part --cell)"),
     "cluster": ("distributed", "work spread over many machines (--scheduler)"),
 }
 """Module and purpose of each extra."""

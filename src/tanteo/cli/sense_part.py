@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+from importlib import resources
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -12,7 +14,7 @@ import typer
 from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files
-from tanteo.cli.misuse import misuse
+from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import UNDECIDED, complain, emit, has_colour, layout, leave, print_text, put, warned
 from tanteo.cli.session_options import SessionOptions
 from tanteo.cli.session_record import kept, write_session
@@ -50,11 +52,28 @@ def viewed(scene: io.documents.SceneFile, image: str, camera: str | None, marks:
 
 
 def sense_part(
-    scene: args.SceneFile,
-    parts: Annotated[
-        list[str], args.option("--parts", "FILE_OR_FOLDER...", "CAD files (STEP, STL) or folders of them.")
-    ],
     options: SessionOptions,
+    scene: Annotated[
+        str | None,
+        args.option(
+            "--scene", "FILE", "Scene: parts, table, hand (TOML); an example of a cell if only --cell is given."
+        ),
+    ] = None,
+    parts: Annotated[
+        list[str] | None,
+        args.option("--parts", "FILE_OR_FOLDER...", "CAD files (STEP, STL) or folders of them; those of the example."),
+    ] = None,
+    cell: Annotated[
+        str | None,
+        args.option(
+            "--cell",
+            "ARM",
+            "Arm that carries the hand: ur5e, ur3, ur5, ur10, panda, xarm7, or FILE#flange (URDF, MJCF).",
+        ),
+    ] = None,
+    sensors: Annotated[
+        str, args.option("--sensors", "LIST", "Sensors of the hand: proximity, or camera,proximity.")
+    ] = "proximity",
     record: Annotated[
         str | None, args.option("--record", "FILE", "Write the session (JSON, or .mcap), or its readings (.csv).")
     ] = None,
@@ -66,6 +85,46 @@ def sense_part(
 
     Starts from a prior pose or an image.
     """
+    if scene is None and cell is None:
+        raise MisuseError("--scene: expected a scene, or --cell for an example of a cell, got neither. Name one.")
+    if scene is not None and not parts:
+        raise MisuseError("--parts: expected the candidate parts, got none. Name files or folders.")
+    with resources.as_file(resources.files("tanteo.bench.demo")) as example:
+        options = options if parts or options.units is not None else replace(options, units="mm")
+        source = str(example / "cell.toml") if scene is None else scene
+        folders = parts or [str(example / "parts")]
+        _sense(source, folders, options, cell, sensors_of(sensors), record, report, as_json=json, verbose=verbose)
+
+
+def sensors_of(text: str) -> frozenset[str]:
+    """Return the sensors that ``--sensors`` names.
+
+    Args:
+        text: value as typed.
+
+    Raises:
+        MisuseError: a name is unknown, or the proximity sensors are missing.
+    """
+    names = frozenset(word.strip() for word in text.split(","))
+    if not names <= {"camera", "proximity"} or "proximity" not in names:
+        raise MisuseError(f"--sensors: expected proximity, or camera,proximity, got '{text}'. Correct it.")
+    return names
+
+
+def _sense(
+    scene: str,
+    parts: Sequence[str],
+    options: SessionOptions,
+    cell: str | None,
+    sensors: frozenset[str],
+    record: str | None,
+    report: str | None,
+    *,
+    as_json: bool,
+    verbose: bool,
+) -> None:
+    """Run the session of a scene and print its answer."""
+    from tanteo.hand.simulator.arm import ArmMotion
     from tanteo.planning import sense_part
 
     files.check_report(report)
@@ -73,7 +132,8 @@ def sense_part(
     sources = [("--scene", scene), *image_files(options.image, options.camera, options.marks)]
     files.check_different(("--record", record), ("--report", report), inputs=sources, parts=parts)
     place = io.scenes.change_scene(io.read_scene(scene), seed=options.seed, standoff=options.standoff)
-    start = start_of(place, parts, options, as_json=json)
+    place = place if cell is None else io.scenes.on_arm(place, cell)
+    start = start_of(place, parts, options, as_json=as_json)
     with misuse(always=False):
         session, robot, rules = io.scenes.session_of(place, start, options.stop(), options.policy, options.form_sd)
     with kept(session, record) as keep, _shown(verbose=verbose) as show:
@@ -82,20 +142,33 @@ def sense_part(
             keep()
             show(visit)
 
+        arm = robot.carrier if isinstance(robot.carrier, ArmMotion) else None
         done = sense_part(
-            session, robot, rules, furniture=io.scenes.furniture_of(place), errors=place.cell.robot, watch=watch
-        )
+            session, robot, rules, furniture=io.scenes.furniture_of(place), errors=place.cell.robot, reach=arm,
+            watch=watch,
+        )  # fmt: skip
     clearance = io.scenes.least_clearance(place, robot)
     answer = session.answer()
-    if json:
-        put(io.documents.executed_json(answer, done, readings=session.count, clearance=clearance, warnings=warned()))
+    if as_json:
+        facts = None if arm is None else arm.facts
+        put(
+            io.documents.executed_json(
+                answer, done, readings=session.count, clearance=clearance, arm=facts, warnings=warned()
+            )
+        )
         if not done.end.reached:
             print_text(done.end.message, sys.stderr)
     else:
-        emit(render.text.executed_lines(answer, done, session.count, clearance, verbose=verbose, layout=layout()))
+        words = () if arm is None else (arm.words,)
+        emit(
+            render.text.executed_lines(
+                answer, done, session.count, clearance, arm=words, verbose=verbose, layout=layout()
+            )
+        )
     write_session(session, record)
     if report is not None:
-        files.report_session(report, session, *render.text.executed_facts(done, session.count, clearance), as_json=json)
+        cost = render.text.executed_facts(done, session.count, clearance)
+        files.report_session(report, session, *cost, as_json=as_json)
     leave(decided=answer.status == "recognized" and done.end.reached)
 
 

@@ -11,6 +11,7 @@ from .robot import NEAR as NEAR
 from .robot import Body as Body
 from .robot import Hand as Hand
 from .robot import HandReading as HandReading
+from .robot import Reach as Reach
 from .robot import Robot as Robot
 from .robot import gripper_body as gripper_body
 from .workspace import ForbiddenBox as ForbiddenBox

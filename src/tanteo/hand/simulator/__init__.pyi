@@ -1,3 +1,4 @@
+from . import arm as arm
 from .scene import Scene as Scene
 from .scene import Solid as Solid
 from .scene import box as box

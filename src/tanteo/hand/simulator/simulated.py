@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -58,6 +59,20 @@ class Cell:
             )
 
 
+class Carrier(Protocol):
+    """Interface of what moves the hand, such as the joints of an arm."""
+
+    def carry(self, T_world_hand: Transforms, twist: Tangents, seconds: float) -> Transforms:
+        """Move the hand by a twist for a time and return its new pose ``(4, 4)``.
+
+        Args:
+            T_world_hand: present pose ``(4, 4)``.
+            twist: velocity ``[v, w]`` in the hand frame [m/s, rad/s].
+            seconds: duration.
+        """
+        ...
+
+
 class SimulatedHand:
     """Simulated robot hand in a scene, with state: pose, pending commands and drawn errors.
 
@@ -70,14 +85,24 @@ class SimulatedHand:
         T_world_hand: true initial pose ``(4, 4)``.
         rng: random generator of all errors.
         cell: settings of the robot; the defaults if None.
+        carrier: what moves the hand; without one every twist is carried out.
 
     Attributes:
         truth: true pose of the hand at every reading, ``(4, 4)`` each.
+        carrier: what moves the hand; None if every twist is carried out.
     """
 
     def __init__(
-        self, scene: Scene, hand: Hand, T_world_hand: Transforms, *, rng: np.random.Generator, cell: Cell | None = None
+        self,
+        scene: Scene,
+        hand: Hand,
+        T_world_hand: Transforms,
+        *,
+        rng: np.random.Generator,
+        cell: Cell | None = None,
+        carrier: Carrier | None = None,
     ) -> None:
+        self.carrier, self._carry = carrier, advance if carrier is None else carrier.carry
         self._scene, self._hand, self._cell = scene, hand, cell or Cell()
         self._rng, self._time = rng, 0.0
         self._model = error_model(hand.rig)
@@ -129,8 +154,8 @@ class SimulatedHand:
         """
         self._commands.append(self._limited(twist))
         if self._late > 0:
-            self._T = advance(self._T, self._commands[0], self._late)
-        self._T = advance(self._T, self._commands[1], self._cell.period - self._late)
+            self._T = self._carry(self._T, self._commands[0], self._late)
+        self._T = self._carry(self._T, self._commands[1], self._cell.period - self._late)
         self._time += self._cell.period
         self._sensed = self._sense()
         return self._sensed

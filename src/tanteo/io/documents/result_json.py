@@ -135,7 +135,13 @@ def covariance_document(matrix: FloatArray) -> dict[str, Any]:
 
 
 def executed_json(
-    answer: Answer, done: Executed, *, readings: int, clearance: float, warnings: Sequence[str] = ()
+    answer: Answer,
+    done: Executed,
+    *,
+    readings: int,
+    clearance: float,
+    arm: Mapping[str, Any] | None = None,
+    warnings: Sequence[str] = (),
 ) -> str:
     """Return the result of an execution by the robot as JSON text: the answer, and under ``sensing`` its cost.
 
@@ -144,12 +150,14 @@ def executed_json(
         done: record of the execution.
         readings: number of readings used.
         clearance: smallest true distance between hand and obstacles [m].
+        arm: facts about the arm that carried the hand; None without one.
         warnings: other messages to the user, see :func:`recognition_json`.
     """
     sensing = {
         "reached": done.end.reached, "why": done.end.message, "readings": readings, "seconds": done.seconds,
         "travel_m": done.travel, "least_clearance_m": clearance, "visits": [_visit(visit) for visit in done.visits],
     }  # fmt: skip
+    sensing |= {} if arm is None else {"arm": dict(arm)}
     return document_json(recognition_document(answer) | {"sensing": sensing}, warnings)
 
 

@@ -17,7 +17,15 @@ from tanteo.hand.acquisition import EdgeGuess, FaceGuess, RoundGuess, VertexGues
 from tanteo.hand.simulator import Cell, Scene, Solid, box
 from tanteo.io.documents.document import load_toml
 from tanteo.io.documents.part_files import read_one
-from tanteo.io.documents.scene_tables import BoxTable, CameraPaths, Document, SenseTable, SpaceTable
+from tanteo.io.documents.scene_tables import (
+    ArmPlace,
+    BoxTable,
+    CameraPaths,
+    Document,
+    SenseTable,
+    SpaceTable,
+    WristCamera,
+)
 from tanteo.io.poses.prior_text import spread_pose
 
 MeshReader = Callable[[Path, str | None], tuple[FloatArray, IntArray]]
@@ -47,6 +55,8 @@ class SceneFile:
         furniture: solids that are not parts.
         occluders: known solids other than parts and table, as boxes that the hand avoids.
         source: path of the file.
+        arm: arm that carries the hand; None for a hand that moves as commanded.
+        wrist: camera on the hand; None if there is none.
     """
 
     scene: Scene
@@ -63,6 +73,8 @@ class SceneFile:
     furniture: tuple[Solid, ...]
     occluders: tuple[ForbiddenBox, ...]
     source: str
+    arm: ArmPlace | None = None
+    wrist: WristCamera | None = None
 
 
 def read_scene(path: str | Path, read_mesh: MeshReader | None = None) -> SceneFile:
@@ -106,6 +118,8 @@ def read_scene(path: str | Path, read_mesh: MeshReader | None = None) -> SceneFi
         furniture=(*tops, *clamps),
         occluders=_boxes(file.occluders),
         source=str(path),
+        arm=None if file.arm is None else file.arm.place(folder),
+        wrist=None if file.wrist_camera is None else file.wrist_camera.camera(folder),
     )
 
 

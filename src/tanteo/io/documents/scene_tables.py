@@ -210,6 +210,65 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
         return CameraPaths(str(folder / self.file), None if self.marks is None else str(folder / self.marks))
 
 
+@dataclass(frozen=True, slots=True)
+class ArmPlace:
+    """Arm that carries the hand.
+
+    Attributes:
+        model: name of the arm, or ``FILE#flange``; see :func:`tanteo.hand.simulator.arm.read_arm`.
+        T_world_base: pose of its base ``(4, 4)`` [m].
+    """
+
+    model: str
+    T_world_base: Transforms
+
+
+@dataclass(frozen=True, slots=True)
+class WristCamera:
+    """Camera on the hand.
+
+    Attributes:
+        file: path of the calibration file.
+        T_hand_camera: stated pose in the hand's frame ``(4, 4)`` [m].
+        sds: standard deviations of its position [m] and rotation [rad] about each axis.
+    """
+
+    file: str
+    T_hand_camera: Transforms
+    sds: tuple[float, float]
+
+
+class ArmTable(Posed, frozen=True, kw_only=True, eq=False):
+    """Arm that carries the hand, with the pose of its base."""
+
+    model: str = "ur5e"
+
+    def place(self, folder: Path) -> ArmPlace:
+        """Return the arm, with the file of its model relative to the scene file.
+
+        Args:
+            folder: folder of the scene file.
+        """
+        file = folder / self.model.partition("#")[0]
+        return ArmPlace(str(folder / self.model) if file.exists() else self.model, self.pose())
+
+
+class WristTable(Posed, frozen=True, kw_only=True, eq=False):
+    """Camera on the hand, with its pose in the hand's frame."""
+
+    file: str
+    sd: Length = 3e-4
+    turn_sd: Annotated[float, Numbers("angle")] = float(np.radians(0.05))
+
+    def camera(self, folder: Path) -> WristCamera:
+        """Return the camera, with its file relative to the scene file.
+
+        Args:
+            folder: folder of the scene file.
+        """
+        return WristCamera(str(folder / self.file), self.pose(), (self.sd, self.turn_sd))
+
+
 class Document(Table, frozen=True, kw_only=True, eq=False):
     """Content of a scene file."""
 
@@ -225,3 +284,5 @@ class Document(Table, frozen=True, kw_only=True, eq=False):
     sense: SenseTable | None = None
     prior: PriorTable | None = None
     camera: CameraTable | None = None
+    arm: ArmTable | None = None
+    wrist_camera: WristTable | None = None

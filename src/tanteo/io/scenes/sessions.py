@@ -8,10 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import BoolArray, FloatArray, Vectors
 from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.hand.motion import Rules
 from tanteo.hand.simulator import Scene, SimulatedHand
+from tanteo.hand.simulator.arm import ArmMotion, read_arm
 from tanteo.io.documents.scene_file import SceneFile
+from tanteo.io.documents.scene_tables import ArmPlace
 from tanteo.parts import Part
 from tanteo.planning import Furniture, Sensing, Session, Stop, at_place, hand_probe
 from tanteo.planning.execution import acquirable, reachable, seen_start
@@ -87,17 +91,61 @@ def session_of(
         policy: name of the policy that chooses actions.
         form_sd: standard deviation of the part's surface from its CAD [m].
     """
-    occluders = [ForbiddenBox(f"occluder {b.name}", b.low, b.high, b.T_world_box) for b in scene.occluders]
-    w = scene.workspace
-    rules = Rules(clearance=scene.clearance, workspace=Workspace(w.low, w.high, [*w.forbidden, *occluders]))
+    robot, rules = robot_of(scene)
+    reach = robot.carrier if isinstance(robot.carrier, ArmMotion) else None
     errors = scene.cell.robot
     probe = replace(hand_probe(scene.hand, rules, scene.standoff, errors), form_sd=form_sd)
     session = Session(
         start, probe, Sensing(rig=scene.hand.rig, robot=errors, tolerance=form_sd), policy_named(policy), stop,
-        scene.seed, reachable(scene.hand, rules, probe.retreat), acquirable(scene.hand, rules, probe.retreat),
+        scene.seed, reachable(scene.hand, rules, probe.retreat, reach),
+        acquirable(scene.hand, rules, probe.retreat, reach),
     )  # fmt: skip
+    return session, robot, rules
+
+
+_AWAY = 0.48
+"""Distance of the base of an arm from the start of the hand [m]: a bit more than half of the reach of a UR5e."""
+
+
+def on_arm(scene: SceneFile, model: str) -> SceneFile:
+    """Return a scene whose hand is on an arm: at the base of the scene's arm, else beside the start pose of the hand.
+
+    Args:
+        scene: scene.
+        model: name of the arm, see :func:`tanteo.hand.simulator.arm.read_arm`.
+    """
+    if scene.arm is not None:
+        return replace(scene, arm=ArmPlace(model, scene.arm.T_world_base))
+    x, y, _ = scene.T_world_hand[:3, 3]
+    top = scene.workspace.low[2] if np.isfinite(scene.workspace.low[2]) else 0.0
+    return replace(scene, arm=ArmPlace(model, SE3.from_parts(np.eye(3), np.array([x - _AWAY, y, top]))))
+
+
+def robot_of(scene: SceneFile) -> tuple[SimulatedHand, Rules]:
+    """Return the simulated hand of a scene, on an arm if the scene has one, and the limits of its motions.
+
+    Args:
+        scene: scene; its seed determines all errors.
+
+    Raises:
+        InputError: the arm does not reach the start pose of the hand.
+        MissingExtraError: MuJoCo is not installed, and the scene has an arm.
+    """
+    occluders = [ForbiddenBox(f"occluder {b.name}", b.low, b.high, b.T_world_box) for b in scene.occluders]
+    w = scene.workspace
+    rules = Rules(clearance=scene.clearance, workspace=Workspace(w.low, w.high, [*w.forbidden, *occluders]))
+    carrier = None
+    if scene.arm is not None:
+
+        def free(centres: Vectors, radii: FloatArray) -> BoolArray:
+            gaps = rules.workspace.clearances(centres)[0].min(axis=-1, initial=np.inf) - radii
+            return np.asarray(gaps.min(axis=-1) >= rules.clearance)
+
+        arm = read_arm(scene.arm.model, scene.hand, scene.arm.T_world_base)
+        carrier = ArmMotion(arm, scene.T_world_hand, free=free, solids=scene.scene.solids)
     rng = np.random.default_rng(scene.seed)
-    return session, SimulatedHand(scene.scene, scene.hand, scene.T_world_hand, rng=rng, cell=scene.cell), rules
+    robot = SimulatedHand(scene.scene, scene.hand, scene.T_world_hand, rng=rng, cell=scene.cell, carrier=carrier)
+    return robot, rules
 
 
 def furniture_of(scene: SceneFile) -> Furniture | None:

@@ -62,6 +62,12 @@ def feasible(hand: Hand, space: FreeSpace, candidates: Candidates, retreat: floa
     paths = np.stack([Ts, retreated_poses(Ts, retreat)], axis=2)
     ok: BoolArray = np.all(space.within(paths), axis=2)
     ok[ok] = (space.gaps(paths[ok]) >= space.clearance).all(axis=1)
+    if space.reach is not None:
+        # of each candidate one pose is enough: the attitudes are tried in turn
+        for k in range(ok.shape[1]):
+            open_ = np.flatnonzero(ok[:, k] & ~ok[:, :k].any(axis=1))
+            ok[open_, k] = space.reaches(Ts[open_, k])
+            ok[ok[:, :k].any(axis=1), k] = False
     return np.asarray(ok.any(axis=1))
 
 
@@ -131,7 +137,8 @@ def route(
         paths += [[over[0], over[2], before, T_to], [retreated, over[1], over[2], before, T_to]]
     for stops in sorted(paths, key=lambda stops: _length(hand, [T_from, *stops])):
         legs = zip([T_from, *stops], stops, strict=False)
-        if all(space.along(approach_path(hand, a, b)) for a, b in legs):
+        paths_of_legs = [approach_path(hand, a, b) for a, b in legs]
+        if all(space.along(one) for one in paths_of_legs) and space.follows(np.concatenate(paths_of_legs)):
             return stops
     return None
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, Transforms
-from tanteo.hand import Hand, Robot
+from tanteo.hand import Hand, Reach, Robot
 from tanteo.hand.acquisition import SENSE
 from tanteo.hand.motion import Motion, Rules, go_to
 from tanteo.planning.candidates import Candidates
@@ -87,17 +87,20 @@ class Executed:
         return self.visits[-1].travel if self.visits else 0.0
 
 
-def reachable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingState, Candidates], BoolArray]:
+def reachable(
+    hand: Hand, rules: Rules, retreat: float, reach: Reach | None = None
+) -> Callable[[SensingState, Candidates], BoolArray]:
     """Return a function that flags the candidates in reach of a hand, for :attr:`tanteo.planning.Session.able`.
 
     Args:
         hand: sensors and body of the hand.
         rules: limits of the hand's motions.
         retreat: length of the straight final approach [m].
+        reach: joints that carry the hand; None for a hand that can be everywhere.
     """
 
     def able(state: SensingState, candidates: Candidates) -> BoolArray:
-        space = FreeSpace(hand.body, rules.workspace, PossiblePoses.of(state), rules.clearance)
+        space = FreeSpace(hand.body, rules.workspace, PossiblePoses.of(state), rules.clearance, reach=reach)
         return feasible(hand, space, candidates, retreat)
 
     return able
@@ -110,6 +113,7 @@ def sense_part(
     *,
     furniture: Furniture | None = None,
     errors: RobotPreset | None = None,
+    reach: Reach | None = None,
     watch: Callable[[Visit], None] = lambda visit: None,
 ) -> Executed:
     """Sense a part with a hand until the session ends.
@@ -123,12 +127,13 @@ def sense_part(
         rules: limits of the hand's motions.
         furniture: known solids of the cell; a beam that hits one is a free-space ray that ends before it.
         errors: error model of the robot's reported poses; None for exact poses.
+        reach: joints that carry the hand; None for a hand that can be everywhere.
         watch: function to call after every action.
 
     Returns:
         Reason for the end, and all actions with their results.
     """
-    run, began = _Run(session, robot, rules, furniture, errors), robot.sensed.time
+    run, began = _Run(session, robot, rules, furniture, errors, reach), robot.sensed.time
     visits, in_vain, gone = list[Visit](), 0, 0.0
     while isinstance(action := session.ask(), Action):
         motions, step, findings = run.answer(action)
@@ -152,6 +157,7 @@ class _Run:
     rules: Rules
     furniture: Furniture | None
     errors: RobotPreset | None
+    reach: Reach | None
 
     def answer(self, action: Action) -> tuple[tuple[Motion, ...], Step | None, tuple[Finding, ...]]:
         """Move, read and update the session; return the motions, the update and remarks for the user."""
@@ -189,10 +195,12 @@ class _Run:
 
     def _waypoints(self, action: Action) -> list[Transforms] | None:
         hand, session, here = self.robot.hand, self.session, self.robot.sensed.T_world_hand
-        space = FreeSpace(hand.body, self.rules.workspace, PossiblePoses.of(session.state), self.rules.clearance)
+        possible = PossiblePoses.of(session.state)
+        space = FreeSpace(hand.body, self.rules.workspace, possible, self.rules.clearance, reach=self.reach)
         probe = session.probe
         Ts = approach_poses(hand, action.origin[None], action.direction[None])[0]
         Ts = Ts[space.allows(Ts)]
+        Ts = Ts[space.reaches(Ts)]
         if not len(Ts):
             return None
         routes = (

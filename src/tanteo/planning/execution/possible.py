@@ -14,7 +14,7 @@ from tanteo.errors import InputError
 from tanteo.factors import ContactPoints, FreeRays
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
-from tanteo.hand import Body, Workspace
+from tanteo.hand import Body, Reach, Workspace
 from tanteo.planning.start import Start
 from tanteo.planning.state import SensingState
 from tanteo.posterior import PreparedPart, box_corners
@@ -223,6 +223,13 @@ class PossiblePoses:
         """
         return self.occupied(points)
 
+    def box(self) -> tuple[FloatArray, FloatArray]:
+        """Return the smallest and the largest corner of the parts at all poses ``(3,)``, world frame [m]."""
+        if not len(self.Ts):
+            return np.full(3, np.inf), np.full(3, -np.inf)
+        corners = [SE3.apply(T, box_corners(self.targets[k].part)) for k, T in zip(self.part, self.Ts, strict=True)]
+        return np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
+
     def top(self) -> float:
         """Return the largest z of a part at any pose, world frame [m]; minus infinity without poses."""
         heights = [
@@ -242,6 +249,7 @@ class FreeSpace:
         possible: possible poses of the parts.
         clearance: required distance from parts and bounds [m].
         slack: additional distance from the bounds [m], below which the steering slows the hand down.
+        reach: joints that carry the hand; None for a hand that can be everywhere.
     """
 
     body: Body
@@ -249,6 +257,7 @@ class FreeSpace:
     possible: PossiblePoses
     clearance: float
     slack: float = 2e-3
+    reach: Reach | None = None
 
     def within(self, Ts_world_hand: Transforms) -> BoolArray:
         """Return flags of the hand poses at which the body is inside the workspace bounds ``(*batch,)``.
@@ -257,6 +266,37 @@ class FreeSpace:
             Ts_world_hand: poses ``(*batch, 4, 4)``.
         """
         return self.workspace.allows(self.body, Ts_world_hand, self.clearance + self.slack)
+
+    def links_free(self, centres: Vectors, radii: FloatArray) -> BoolArray:
+        """Return whether links keep the clearance from bounds and from the box of all possible parts ``(*batch,)``.
+
+        Args:
+            centres: centres of the spheres that enclose the links ``(*batch, k, 3)``, world frame [m].
+            radii: their radii ``(k,)`` [m].
+        """
+        bounds = (self.workspace.clearances(centres)[0].min(axis=-1, initial=np.inf) - radii).min(axis=-1)
+        low, high = self.possible.box()
+        beyond = np.maximum(np.maximum(low - centres, centres - high), 0.0)
+        gaps = (np.linalg.norm(beyond, axis=-1) - radii).min(axis=-1)
+        return np.asarray((bounds >= self.clearance) & (gaps >= self.clearance))
+
+    def reaches(self, Ts_world_hand: Transforms) -> BoolArray:
+        """Return flags of the hand poses that the joints allow ``(n,)``.
+
+        Args:
+            Ts_world_hand: poses ``(n, 4, 4)``.
+        """
+        if self.reach is None or not len(Ts_world_hand):
+            return np.ones(len(Ts_world_hand), dtype=bool)
+        return self.reach.reaches(Ts_world_hand, self.links_free)
+
+    def follows(self, path: Transforms) -> bool:
+        """Return whether the joints can follow a path from the present pose.
+
+        Args:
+            path: hand poses of the path, dense ``(n, 4, 4)``.
+        """
+        return self.reach is None or self.reach.follows(path, self.links_free)
 
     def gaps(self, Ts_world_hand: Transforms) -> FloatArray:
         """Return the distance of the body from the nearest possible part at each hand pose ``(*batch,)`` [m].

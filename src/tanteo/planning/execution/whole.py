@@ -11,7 +11,7 @@ from tanteo.features import Feature, feature_covariance
 from tanteo.features.kinds import CIRCLE
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import FloatArray
-from tanteo.hand import Hand, Predicted, predicted
+from tanteo.hand import Hand, Predicted, Reach, predicted
 from tanteo.hand.acquisition import RADIUS_SHARE, Acquired, RoundGuess, least_radius
 from tanteo.hand.motion import Rules
 from tanteo.planning.candidates import Candidates
@@ -35,17 +35,20 @@ _ABOVE = 0.02
 """Height above the stand-off at which an acquisition starts [m]."""
 
 
-def acquirable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingState], tuple[WholeFeature, ...]]:
+def acquirable(
+    hand: Hand, rules: Rules, retreat: float, reach: Reach | None = None
+) -> Callable[[SensingState], tuple[WholeFeature, ...]]:
     """Return a function that lists the features that a hand can acquire, for :attr:`tanteo.planning.Session.whole`.
 
     Args:
         hand: sensors and body of the hand.
         rules: limits of the hand's motions.
         retreat: length of the straight final approach [m].
+        reach: joints that carry the hand; None for a hand that can be everywhere.
     """
 
     def whole(state: SensingState) -> tuple[WholeFeature, ...]:
-        space = FreeSpace(hand.body, rules.workspace, PossiblePoses.of(state), rules.clearance)
+        space = FreeSpace(hand.body, rules.workspace, PossiblePoses.of(state), rules.clearance, reach=reach)
         modes = np.flatnonzero(state.weights >= _LEAST)[:_MODES]
         offers = [
             _offer(state, int(k), kind, p, rules) for k in modes for kind in WHOLE for p in _found(state, k, kind)

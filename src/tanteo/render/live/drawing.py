@@ -11,6 +11,7 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms
 from tanteo.hand import FREE, HIT, Body, Hand, HandReading
 from tanteo.hand.simulator import Solid
+from tanteo.hand.simulator.arm import ArmMotion
 from tanteo.parts import Part
 from tanteo.render.html.part_drawn import Drawn, draw_part
 from tanteo.render.live import colors
@@ -21,9 +22,11 @@ from tanteo.render.live.primitives import (
     Lines,
     Mesh,
     Primitive,
+    chain_mesh,
     dashed,
     ellipsoids,
     hand_mesh,
+    joined,
     outline,
 )
 from tanteo.render.live.snapshot import RIVAL_LAYERS, Snapshot
@@ -162,6 +165,21 @@ def hand_primitives(hand: Hand, sensed: HandReading) -> list[Primitive]:
             "not seen", dashed(starts[free], starts[free] + OPEN * axes[free], _DASH), colors.FREE, 1.5, layer="hand"
         ),
     ]
+
+
+def arm_primitives(arm: ArmMotion) -> list[Primitive]:
+    """Return the links of an arm at its present joint angles as primitives: spheres that enclose them, joined.
+
+    Args:
+        arm: the arm.
+    """
+    frames, own = arm.arm.frames(arm.q), arm.arm.carrying
+    meshes = []
+    for link in np.unique(arm.arm.link[own]):
+        rows = own & (arm.arm.link == link)
+        vertices, triangles = chain_mesh(arm.arm.centres[rows], arm.arm.radii[rows])
+        meshes.append((SE3.apply(frames[link], vertices), triangles))
+    return [Mesh("arm", *joined(meshes), colors.SOFT, 0.35, np.eye(4), "hand")]
 
 
 def furniture_primitives(furniture: Sequence[Solid]) -> list[Primitive]:

@@ -291,6 +291,8 @@ class Player:
         if self._last is not None and self._show.hand is not None:
             self._drawn = self._last.time
             self.page.show("hand", drawing.hand_primitives(self._show.hand[0], self._last))
+            if self._show.arm is not None:
+                self.page.show("arm", drawing.arm_primitives(self._show.arm))
 
     def _draw(self) -> None:
         now = Snapshot.of(self._show.session)

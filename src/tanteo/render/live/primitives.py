@@ -153,6 +153,22 @@ def hand_mesh(body: Body) -> tuple[FloatArray, IntArray]:
     )
 
 
+def chain_mesh(centres: Vectors, radii: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return spheres as one mesh, each joined with the next one of the same radius.
+
+    Args:
+        centres: centres ``(k, 3)`` [m].
+        radii: radii ``(k,)`` [m].
+    """
+    unit = ball()[0]
+    meshes = []
+    for k, (centre, radius) in enumerate(zip(centres, radii, strict=True)):
+        following = k + 1 if k + 1 < len(radii) and np.isclose(radii[k + 1], radius) else k
+        points = np.concatenate([centre + radius * unit, centres[following] + radius * unit])
+        meshes.append(_faces(convex_hull(points)))
+    return joined(meshes)
+
+
 def joined(meshes: list[tuple[FloatArray, IntArray]]) -> tuple[FloatArray, IntArray]:
     """Return several meshes as one mesh.
 

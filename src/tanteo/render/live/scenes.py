@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from tanteo.hand.simulator import Scene
+from tanteo.hand.simulator.arm import ArmMotion
 from tanteo.io.documents import SceneFile
 from tanteo.io.scenes import furniture_of, session_of
 from tanteo.planning import Session, Stop
@@ -35,4 +36,5 @@ def scene_show(
         read = simulated(Scene.of(truth).surface, furniture, scene.seed)
         return probe_show(session, read, truth, scene.furniture)
     session, robot, rules = session_of(scene, start, stop, policy, form_sd)
-    return hand_show(session, robot, rules, truth, scene.furniture, furniture_of(scene), scene.cell.robot)
+    arm = robot.carrier if isinstance(robot.carrier, ArmMotion) else None
+    return hand_show(session, robot, rules, truth, scene.furniture, furniture_of(scene), scene.cell.robot, arm)

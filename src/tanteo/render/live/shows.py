@@ -12,6 +12,7 @@ from tanteo.geometry.typing import Tangents
 from tanteo.hand import Hand, HandReading, Robot, Workspace
 from tanteo.hand.motion import Rules
 from tanteo.hand.simulator import Solid
+from tanteo.hand.simulator.arm import ArmMotion
 from tanteo.parts import Surface
 from tanteo.planning import Action, Done, Furniture, Probe, Sensing, Session, sense_part
 from tanteo.sensors import Readings
@@ -48,6 +49,7 @@ class Show:
         truth: real parts, world frame, which are shown at the end.
         furniture: known furniture.
         hand: hand and its first reading; None for a probe without a hand.
+        arm: arm that carries the hand; None without one.
     """
 
     session: Session
@@ -55,6 +57,7 @@ class Show:
     truth: tuple[Solid, ...]
     furniture: tuple[Solid, ...] = ()
     hand: tuple[Hand, HandReading] | None = None
+    arm: ArmMotion | None = None
 
 
 def probe_show(
@@ -86,6 +89,7 @@ def hand_show(
     furniture: tuple[Solid, ...] = (),
     known: Furniture | None = None,
     errors: RobotPreset | None = None,
+    arm: ArmMotion | None = None,
 ) -> Show:
     """Return a show with a hand, see :func:`tanteo.planning.sense_part`.
 
@@ -97,16 +101,23 @@ def hand_show(
         furniture: known furniture to draw.
         known: known furniture for the evaluation of readings.
         errors: error model of the robot's poses.
+        arm: arm that carries the hand; None without one.
     """
 
     def run(watch: Watch) -> Done:
         seen = cast("Robot", _Observed(robot, watch.moved))
         done = sense_part(
-            session, seen, rules, furniture=known, errors=errors, watch=lambda visit: watch.place(visit.note)
+            session,
+            seen,
+            rules,
+            furniture=known,
+            errors=errors,
+            reach=arm,
+            watch=lambda visit: watch.place(visit.note),
         )
         return done.end
 
-    return Show(session, run, truth, furniture, (robot.hand, robot.sensed))
+    return Show(session, run, truth, furniture, (robot.hand, robot.sensed), arm)
 
 
 class _Observed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -143,7 +144,14 @@ def _compared(expected: Predicted, got: Feature) -> str:
 
 
 def executed_lines(
-    answer: Answer, done: Executed, count: int, clearance: float, *, verbose: bool = False, layout: Layout = PLAIN
+    answer: Answer,
+    done: Executed,
+    count: int,
+    clearance: float,
+    *,
+    arm: Sequence[str] = (),
+    verbose: bool = False,
+    layout: Layout = PLAIN,
 ) -> list[str]:
     """Return the result of a session with a hand as lines of text: answer, cost and reason for the end.
 
@@ -152,6 +160,7 @@ def executed_lines(
         done: actions of the hand and their results.
         count: number of readings.
         clearance: smallest distance of the hand from all objects [m].
+        arm: facts about the arm that carried the hand.
         verbose: whether to add matrix, pairings and times of the stages.
         layout: width and style of the output.
     """
@@ -160,7 +169,7 @@ def executed_lines(
         f"  cost        {count} readings, {done.seconds:.1f} s simulated, {done.travel:.2f} m of travel, "
         f"clearance {1e3 * clearance:.1f} mm at least"
     )
-    return [headline, cost, *rest, printable(done.end.message)]
+    return [headline, cost, *(f"  arm         {line}" for line in arm), *rest, printable(done.end.message)]
 
 
 def executed_facts(done: Executed, count: int, clearance: float) -> list[tuple[str, str]]:
