@@ -177,7 +177,7 @@ class Hand:
 
 
 Free = Callable[[Vectors, FloatArray], BoolArray]
-"""Function of spheres, centres ``(*batch, k, 3)`` and radii ``(k,)``: whether all of them are free ``(*batch,)``."""
+"""Function of spheres, centres ``(*batch, k, 3)`` and radii ``(k,)``, with flags of free sets ``(*batch,)`` as result."""
 
 
 class Reach(Protocol):

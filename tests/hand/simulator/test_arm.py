@@ -33,7 +33,7 @@ def dh(a, alpha, d, theta):
     return turn @ twist
 
 
-def test_the_flange_is_where_published_parameters_say(arm):
+def test_the_flange_follows_published_parameters(arm):
     rows = [
         (0, np.pi / 2, 0.1625), (-0.425, 0, 0), (-0.3922, 0, 0), (0, np.pi / 2, 0.1333), (0, -np.pi / 2, 0.0997),
         (0, 0, 0.0996),
@@ -88,7 +88,7 @@ def test_a_path_is_followed_or_refused_as_a_whole(motion):
     assert not motion.follows(path)
 
 
-def test_the_controller_keeps_speeds_and_says_so(motion):
+def test_the_controller_keeps_and_counts_speeds(motion):
     T = motion.carry(DOWN, np.array([3.0, 0, 0, 0, 0, 0]), 0.1)
     assert 0 < T[0, 3] < 0.3
     assert motion.stops == {"speed of a joint": 1}
