@@ -177,7 +177,7 @@ class Hand:
 
 
 Free = Callable[[Vectors, FloatArray], BoolArray]
-"""Function of spheres, centres ``(*batch, k, 3)`` and radii ``(k,)``, with flags of free sets ``(*batch,)`` as result."""
+"""Function of spheres, centres ``(*batch, k, 3)`` and radii ``(k,)``; it returns flags of free sets ``(*batch,)``."""
 
 
 class Reach(Protocol):
