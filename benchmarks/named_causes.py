@@ -1,8 +1,9 @@
 """Causes named where they are absent: ``python benchmarks/named_causes.py [scenes] [seed] [--kind NAME]``.
 
 An example part at a random pose is touched 8, 12 or 20 times. Each kind has a misfit that is neither an offset nor a
-scale of the world: more noise than stated, heavy tails, outliers, a bent part. The table has the number of scenes whose
-answer is not ``recognized``, and of those in which an offset, a scale or wrong directions are named.
+scale of the world: more noise than stated, heavy tails, outliers, a bent part; the last has stock on its faces. The
+table has the number of scenes whose answer is not ``recognized``, and of those in which an offset, stock by face, a scale or
+wrong directions are named.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from tanteo.words.findings import DirectionsConvention, OffsetQuestion, ScaleQue
 
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
 PARTS = ("block", "bracket_left", "clamp", "housing", "wedge", "flange", "t_slot", "step_12mm")
-KINDS = ("right", "noise x 4", "heavy tails", "outliers", "bent 2 mm")
+KINDS = ("right", "noise x 4", "heavy tails", "outliers", "bent 2 mm", "stock to 3 mm")
 SD = 1e-4
 
 
@@ -54,13 +55,23 @@ def run_one(kind, seed, k):
         axes = np.linalg.svd(local, full_matrices=False)[2]
         along = local @ axes[0]
         points += (2e-3 * (along / np.abs(along).max()) ** 2)[:, None] * axes[2]
-    aimed = {"directions": d} if k % 2 else {}
+    if kind == "stock to 3 mm":
+        d = -normals_at(part, T, p)
+        faces = np.unique(np.round(d, 1), axis=0, return_inverse=True)[1].ravel()
+        points -= rng.uniform(0, 3e-3, faces.max() + 1)[faces][:, None] * d
+    aimed = {"directions": d} if k % 2 or kind == "stock to 3 mm" else {}
     readings = tanteo.Readings.from_columns(points=points, sds=np.full(n, SD), **aimed)
     answer = tanteo.locate(readings, part)
     kinds = {"offset": OffsetQuestion, "scale": ScaleQuestion, "directions": DirectionsConvention}
-    return {"status": answer.status} | {
-        name: any(isinstance(one, cls) for one in answer.findings) for name, cls in kinds.items()
-    }
+    named = {name: any(isinstance(one, cls) for one in answer.findings) for name, cls in kinds.items()}
+    stock = any(isinstance(one, OffsetQuestion) and bool(one.faces) for one in answer.findings)
+    return {"status": answer.status, "stock": stock} | named | {"offset": named["offset"] and not stock}
+
+
+def normals_at(part, T, points):
+    """Return the outward normals at points on the surface in the world ``(n, 3)``."""
+    found = part.surface.closest(SE3.apply(SE3.inverse(T), points))
+    return part.surface.normals[found.triangles] @ T[:3, :3].T
 
 
 def main():
@@ -71,10 +82,10 @@ def main():
     out = []
     for kind in kinds:
         rows = run_cases(run_one, [(kind, seed, k) for k in range(scenes)], keep, processes)
-        named = [str(sum(row[name] for row in rows)) for name in ("offset", "scale", "directions")]
+        named = [str(sum(row[name] for row in rows)) for name in ("offset", "stock", "scale", "directions")]
         out.append((kind, str(sum(row["status"] != "recognized" for row in rows)), *named))
         print(*out[-1], sep="\t", flush=True)
-    columns = ("kind", "not recognized", "offset named", "scale named", "directions named")
+    columns = ("kind", "not recognized", "offset named", "stock named", "scale named", "directions named")
     print(Table("Causes named where they are absent", f"{scenes} scenes a row, seed {seed}.", columns, out).markdown())
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,7 +24,7 @@ from tanteo.posterior.answers import STATED, check_question, with_elapsed
 from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.convention_checks import about_conventions
 from tanteo.posterior.equal_parts import MOST, equal_parts
-from tanteo.posterior.findings import about_frames, about_readings, scale_of
+from tanteo.posterior.findings import about_frames, about_readings, estimates_of, scale_of
 from tanteo.posterior.settings import Settings
 from tanteo.sensors import (
     PointMeasurements,
@@ -36,14 +37,13 @@ from tanteo.sensors import (
     unstated_sd,
 )
 from tanteo.sensors.anomalies import without_repeats
-from tanteo.sensors.error_states import ErrorState
+from tanteo.sensors.error_states import ErrorState, Offset
 from tanteo.sensors.presets import RobotPreset, SensorPreset
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
     AssumedTip,
     CheckPrior,
     EstimatedNoise,
-    NoNoiseStated,
     NoPart,
     PriorContradicted,
     Scatter,
@@ -190,6 +190,8 @@ def identify(
     if answer.status == "unknown" and placed and not any(isinstance(f, PriorContradicted) for f in answer.findings):
         answer = answer.adding(CheckPrior())
     answer = _without_features(answer, readings, parts)
+    stated_errors = (*(() if bias_sd is None else (Offset(bias_sd),)), *shared_errors)
+    answer = answer.adding(*estimates_of(answer, measured, stated_errors))
     answer = answer.adding(*about_readings(answer, readings, measured, rays, parts, settings))
     if repeated is not None:
         answer = answer.adding(repeated)
@@ -376,7 +378,7 @@ def _with_estimated_noise(answer: Answer, sd: float, rounding: float) -> Answer:
     """Return the answer with the estimate of a standard deviation that was not given, instead of its scatter."""
     best = answer.hypotheses[0]
     if answer.status == "unknown" or best.dof <= 0:
-        return answer.adding(NoNoiseStated())
+        return answer.adding(EstimatedNoise(math.nan, math.nan, math.nan))
     estimate = EstimatedNoise(*(float(np.hypot(sd * factor, rounding)) for factor in best.noise_scale))
     findings = (*(one for one in answer.findings if not isinstance(one, Scatter)), estimate)
     return replace(answer, findings=findings)

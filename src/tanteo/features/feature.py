@@ -22,11 +22,13 @@ class SharedError:
         name: identity of the draw; terms with the same name share it.
         covariance: covariance of the draw ``(d, d)``, in the units that ``meaning`` states.
         meaning: description of the error.
+        states: description of each component ``(d,)``; empty if there are none.
     """
 
     name: str
     covariance: Covariances
     meaning: str = ""
+    states: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         d = np.shape(self.covariance)[0]

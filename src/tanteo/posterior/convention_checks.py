@@ -21,12 +21,12 @@ from tanteo.posterior.answers.priors import STATED
 from tanteo.posterior.answers.results import Answer
 from tanteo.posterior.candidates import Candidates, sizes_of
 from tanteo.posterior.conventions import HANDS, OTHERS, Mistake, of_rig
-from tanteo.posterior.findings import fits_size, scale_of
+from tanteo.posterior.findings import fits_size, scale_of, shared_estimates
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.settings import DEFAULTS, Settings
 from tanteo.posterior.trial_fit import TrialFit, trial_fits
 from tanteo.sensors import Column, Readings, Rig, reading_kind, thinned
-from tanteo.sensors.error_states import ErrorState, Offset, Scale
+from tanteo.sensors.error_states import ErrorState, Offset, Scale, Stock
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
     Convention,
@@ -34,6 +34,7 @@ from tanteo.words.findings import (  # fmt: skip
     MirrorQuestion,
     OffsetQuestion,
     ScaleQuestion,
+    SharedEstimates,
     UnitsConvention,
 )
 
@@ -224,11 +225,44 @@ def _about_shared(
     scale = None if named is None else _shared_answer(readings, [named], question, Scale(_SHARED_SD), settings)
     found = min((one for one in (offset, scale) if one is not None), key=_misfit, default=None)
     if found is None:
-        return None
+        return None if named is None else _about_stock(named, readings, question, settings)
     fitted, value, sd = found
     if found is scale:
         return ScaleQuestion(*_fitting(fitted), 1 / (1 + value), sd)
     return OffsetQuestion(*_fitting(fitted), value, bool(readings.points.given.any()))
+
+
+def _about_stock(part: Part, readings: Readings, question: Query, settings: Settings) -> OffsetQuestion | None:
+    """Return the question of stock on the faces of the part with which all readings fit; None if there is none.
+
+    The amounts of opposite faces are known by their sum only, so they are tested together: Hotelling's statistic of all
+    amounts against none, at one in a million.
+    """
+    touched = readings.points.given & ~readings.is_free
+    aimed = readings.directions.given | readings.normals.given
+    if not aimed[touched].all() or readings.ranges.given.any():
+        return None
+    error = Stock(_SHARED_SD * float(max(sizes_of([part]))))
+    try:
+        found = question.answer(readings, [part], shared_errors=(error,))
+    except TanteoError:
+        return None
+    best = found.best
+    estimates = next((one for one in found.findings if isinstance(one, SharedEstimates)), None)
+    if estimates is None or best is None or best.outliers or not fits(found, settings):
+        return None
+    from scipy.stats import f as f_distribution  # slow to import
+
+    count = sum(name.startswith("stock on") for name in estimates.names)
+    faces = tuple(name.removeprefix("stock on ") for name in estimates.names[-count:])
+    values, sds = estimates.values[-count:], estimates.sds[-count:]
+    covariance = (error.sd * error.spread) ** 2 * shared_estimates(best)[1][-count:, -count:]
+    statistic = float(np.array(values) @ np.linalg.solve(covariance, np.array(values))) / count
+    if best.dof < count or f_distribution.sf(statistic, count, best.dof) > _CHANCE:
+        return None
+    if min(value + 2 * sd for value, sd in zip(values, sds, strict=True)) < 0:
+        return None  # stock is outside of the part
+    return OffsetQuestion(*_fitting(found), max(values), touched=True, faces=faces, offsets=values, sds=sds)
 
 
 def _misfit(found: tuple[Answer, float, float]) -> float:

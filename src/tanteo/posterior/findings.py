@@ -6,6 +6,8 @@ Each is a typed :class:`tanteo.words.Finding`. These checks need no search;
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -18,7 +20,7 @@ from tanteo.factors import FreeRays
 from tanteo.geometry.typing import Covariances, FloatArray, Vectors
 from tanteo.parts import Part, part_named
 from tanteo.parts.readers import METRES
-from tanteo.posterior.answers.results import Answer
+from tanteo.posterior.answers.results import Answer, Hypothesis
 from tanteo.posterior.candidates import Candidates, sizes_of
 from tanteo.posterior.free_space import gone_through
 from tanteo.posterior.prepared import prepare
@@ -26,11 +28,13 @@ from tanteo.posterior.settings import DEFAULTS, FEWEST, CheckSettings, Settings
 from tanteo.posterior.touched_region import LARGER
 from tanteo.sensors import PointMeasurements, Readings
 from tanteo.sensors.anomalies import find_repeated, find_stuck
+from tanteo.sensors.error_states import ErrorState
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
     DirectionsQuestion,
     FreeSpaceCrossed,
     NormalsQuestion,
+    SharedEstimates,
     SpreadQuestion,
     TooFarApart,
     TooNarrow,
@@ -97,6 +101,67 @@ def about_readings(
         _too_wide(answer, measured, parts, settings.checks),
     )
     return tuple(one for one in found if one is not None)
+
+
+_MOST_ESTIMATES = 24
+"""Definition: largest number of states of shared errors that are reported."""
+
+
+def estimates_of(answer: Answer, measured: PointMeasurements, errors: Sequence[ErrorState]) -> tuple[Finding, ...]:
+    """Return the finding with the estimates of stated shared errors in the best hypothesis; none without any.
+
+    Args:
+        answer: the answer.
+        measured: measurements, whose last shared errors are the stated ones.
+        errors: stated errors.
+    """
+    if not errors or answer.status == "unknown" or answer.best is None or answer.best.shared is None:
+        return ()
+    names, values, sds, units = list[str](), list[float](), list[float](), list[str]()
+    mean, covariance = shared_estimates(answer.best)
+    start = len(mean) - sum(len(one.covariance) for one in measured.shared[-len(errors) :])
+    for error, shared, jacobian in zip(
+        errors, measured.shared[-len(errors) :], measured.jacobians[-len(errors) :], strict=True
+    ):
+        rows = range(start, start := start + len(shared.covariance))
+        faces = faces_of(answer.best, measured, jacobian)
+        names += [_on_face(name, face) for name, face in zip(shared.states, faces, strict=True)]
+        values += [error.sd * (error.center + error.spread * float(mean[k])) for k in rows]
+        sds += [error.sd * error.spread * float(np.sqrt(covariance[k, k])) for k in rows]
+        units += [error.unit] * len(rows)
+    if not names or len(names) > _MOST_ESTIMATES:
+        return ()
+    return (SharedEstimates(tuple(names), tuple(values), tuple(sds), tuple(units)),)
+
+
+def shared_estimates(best: Hypothesis) -> tuple[FloatArray, FloatArray]:
+    """Return mean and marginal covariance of the whitened shared errors of a hypothesis ``(D,)``, ``(D, D)``."""
+    shared = best.shared
+    assert shared is not None
+    return shared.mean, shared.covariance + shared.follows @ best.covariance @ shared.follows.T
+
+
+def faces_of(best: Hypothesis, measured: PointMeasurements, jacobian: FloatArray) -> list[str]:
+    """Return the face that the readings of each state of a shared error are on; empty if they are on several.
+
+    Args:
+        best: hypothesis with its pairings.
+        measured: the measurements.
+        jacobian: derivative of the points by the states ``(n, 3, d)``.
+    """
+    paired = dict(best.pairings)
+    out = list[str]()
+    for k in range(jacobian.shape[2]):
+        rows = np.flatnonzero(jacobian[:, :, k].any(axis=1))
+        faces = Counter(paired[measured.ids[row]] for row in rows if measured.ids[row] in paired)
+        face, count = faces.most_common(1)[0] if faces else ("", 0)
+        out.append(face if len(rows) < len(measured) and count > 0.5 * len(rows) else "")
+    return out
+
+
+def _on_face(name: str, face: str) -> str:
+    """Return the name of a state with the face of its readings."""
+    return re.sub(r"the face approached along \(.*\)", face, name) if face else name
 
 
 def about_frames(

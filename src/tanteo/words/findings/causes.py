@@ -206,7 +206,7 @@ class EstimatedNoise(Finding):
     """No standard deviation was stated, and it is estimated from the readings.
 
     Attributes:
-        sd: estimated standard deviation [m].
+        sd: estimated standard deviation [m]; NaN if the readings do not determine it.
         low: lower end of its 95 % interval [m].
         high: upper end of its 95 % interval [m].
     """
@@ -218,11 +218,21 @@ class EstimatedNoise(Finding):
 
 
 @dataclass(frozen=True, slots=True)
-class NoNoiseStated(Finding):
-    """No standard deviation was stated, and the readings do not determine it."""
+class SharedEstimates(Finding):
+    """Estimates of the errors that the user stated as shared by readings.
 
-    kind: ClassVar[str] = "no_noise_stated"
-    role: ClassVar[Role] = "advice"
+    Attributes:
+        names: description of each error.
+        values: estimate of each [SI unit].
+        sds: standard deviation of each [SI unit].
+        units: SI unit of each: ``m``, ``rad`` or ``1``.
+    """
+
+    kind: ClassVar[str] = "shared_estimates"
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+    sds: tuple[float, ...]
+    units: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -241,6 +241,9 @@ class OffsetQuestion(Finding):
         offset: distance by which the surface is farther than it was read [m].
         touched: whether a tip touched; otherwise a range sensor measured.
         given: number of all readings, where only some were tried; otherwise 0.
+        faces: names of the faces, if each has an offset of its own: stock; otherwise empty.
+        offsets: offset of each face [m].
+        sds: standard deviation of each of these [m].
     """
 
     kind: ClassVar[str] = "offset"
@@ -252,6 +255,9 @@ class OffsetQuestion(Finding):
     offset: float
     touched: bool
     given: int = 0
+    faces: tuple[str, ...] = ()
+    offsets: tuple[float, ...] = ()
+    sds: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -145,13 +145,27 @@ def _(one: f.AssumedTip) -> Words:
 
 @words_of.register
 def _(one: f.EstimatedNoise) -> Words:
+    if math.isnan(one.sd):
+        return "No standard deviation is stated.", "State it (--sd)."
     sd, low, high = millimetres(one.sd), millimetres(one.low), millimetres(one.high)
     return f"No standard deviation is stated. The estimate from the readings is {sd} (95 %: {low} to {high}).", ""
 
 
 @words_of.register
-def _(one: f.NoNoiseStated) -> Words:
-    return "No standard deviation is stated.", "State it (--sd)."
+def _(one: f.SharedEstimates) -> Words:
+    each = [_estimate(*row) for row in zip(one.names, one.values, one.sds, one.units, strict=True)]
+    more = f" and {len(each) - _MOST_ESTIMATES} more" if len(each) > _MOST_ESTIMATES else ""
+    return f"Estimates: {'; '.join(each[:_MOST_ESTIMATES])}{more}.", ""
+
+
+_MOST_ESTIMATES = 8
+
+
+def _estimate(name: str, value: float, sd: float, unit: str) -> str:
+    """Return an estimate with its standard deviation."""
+    scale, shown = {"m": (1e3, " mm"), "rad": (180 / math.pi, " deg")}.get(unit, (1.0, ""))
+    digits = max(0, 1 - math.floor(math.log10(max(scale * sd, 1e-12))))
+    return f"{name} {scale * value:.{digits}f} +- {scale * sd:.2g}{shown}"
 
 
 @words_of.register

@@ -180,6 +180,13 @@ def _(one: f.Convention) -> Words:
 
 @words_of.register
 def _(one: f.OffsetQuestion) -> Words:
+    if one.faces:
+        rows = zip(one.faces, one.offsets, one.sds, strict=True)
+        each = listed([f"{1e3 * value:.2f} +- {1e3 * sd:.2g} mm on {face}" for face, value, sd in rows])
+        return (
+            f"{_fitting(one)} if its faces carry stock: {each}.{_tried(one)}",
+            f"State it (--stock {1e3 * one.offset:.2g}mm): the pose is then as uncertain as the stock.",
+        )
     where = "farther from" if one.offset > 0 else "nearer to"
     what = "tip" if one.touched else "sensor"
     size = f"{1e3 * abs(one.offset):.2g}mm"
