@@ -2,8 +2,8 @@
 
 An example part at a random pose is touched 8, 12 or 20 times. Each kind has a misfit that is neither an offset nor a
 scale of the world: more noise than stated, heavy tails, outliers, a bent part; the last has stock on its faces. The
-table has the number of scenes whose answer is not ``recognized``, and of those in which an offset, stock by face, a scale or
-wrong directions are named.
+table has the number of scenes whose answer is not ``recognized``, and of those in which an offset, stock by face, a
+scale or wrong directions are named.
 """
 
 from __future__ import annotations

@@ -32,6 +32,8 @@ def touches(block, amounts, seed, n=30):
     p = beams(block, n, rng, tilt=0.0)[0]
     faces = block.surface.closest(p)
     normals = block.surface.normals[faces.triangles]
+    middle = block.part.box.mean(axis=0)
+    p = middle + (p - middle) * np.where(np.abs(normals) > 0.5, 1.0, 0.8)  # beyond the edges there is stock, too
     off = np.array([amounts.get(tuple(np.round(normal).astype(int)), 0.0) for normal in normals])
     points = SE3.apply(T, p + off[:, None] * normals) + SD * rng.normal(size=p.shape)
     return tanteo.Readings.from_columns(points, directions=-normals @ T[:3, :3].T, sds=np.full(n, SD)), off
