@@ -251,7 +251,9 @@ def _about_stock(part: Part, readings: Readings, question: Query, settings: Sett
     estimates = next((one for one in found.findings if isinstance(one, SharedEstimates)), None)
     if estimates is None or best is None or best.outliers or not fits(found, settings):
         return None
-    from scipy.stats import f as f_distribution  # slow to import
+    from scipy.optimize import nnls  # slow to import
+    from scipy.stats import chi2
+    from scipy.stats import f as f_distribution
 
     count = sum(name.startswith("stock on") for name in estimates.names)
     faces = tuple(name.removeprefix("stock on ") for name in estimates.names[-count:])
@@ -260,8 +262,9 @@ def _about_stock(part: Part, readings: Readings, question: Query, settings: Sett
     statistic = float(np.array(values) @ np.linalg.solve(covariance, np.array(values))) / count
     if best.dof < count or f_distribution.sf(statistic, count, best.dof) > _CHANCE:
         return None
-    if min(value + 2 * sd for value, sd in zip(values, sds, strict=True)) < 0:
-        return None  # stock is outside of the part
+    root = np.linalg.cholesky(np.linalg.inv(covariance)).T
+    if nnls(root, root @ np.array(values))[1] ** 2 > chi2.ppf(1 - NOTABLE, count):
+        return None  # a part that is too small: stock is outside of it
     return OffsetQuestion(*_fitting(found), max(values), touched=True, faces=faces, offsets=values, sds=sds)
 
 

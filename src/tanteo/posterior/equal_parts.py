@@ -63,10 +63,11 @@ def equal_parts(
     part = getattr(named, "part", named)
     groups = _by_place(readings, part, count)
     found = _several(readings, groups, part, question, count)
-    if found is None:
+    divided = best is not None and FEWEST <= len(best.outliers) <= len(readings) - FEWEST
+    if found is None and (divided or count is not None):
         groups = _one_by_one(readings, part, question, count)
         found = _several(readings, groups, part, question, count)
-    return None if found is None else replace(found, elapsed=answer.elapsed)
+    return found
 
 
 def _several(
