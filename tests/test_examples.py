@@ -39,6 +39,7 @@ PRINTS = {
     "08_bare_touches": ["12 touches with directions: recognized. bracket_left"],
     "10_calibrate_a_sensor": ["calibrated: Calibrated eye.", "saturated places: 6", "calibrated: table at"],
     "11_sense_without_contact": ["acquired", "edge face: plane", "to the last bit: True"],
+    "13_simulate_zones": ["ranges: recognized: bracket_left", "mm from the truth"],
     "12_a_session": ["recognized: bracket_right", "a1 hit face", "most uncertain: ", "the same posterior: True"],
 }
 

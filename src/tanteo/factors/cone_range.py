@@ -9,6 +9,9 @@ import numpy as np
 
 from tanteo.factors.factor import MeasuredRow
 from tanteo.factors.on_surface import OnSurface
+from tanteo.geometry import SO3
+from tanteo.parts import Surface
+from tanteo.sensors.noise import cone_rays
 
 SHARES: dict[str, dict[str, float]] = {
     "ray": {"of_rays": 1.0},
@@ -18,6 +21,9 @@ SHARES: dict[str, dict[str, float]] = {
     "": {"of_rays": 0.5, "of_nearest": 0.5},
 }
 """Definition: probability of each response in the density; an unknown one is a random ray or the nearest surface."""
+
+_RAYS = 61
+"""Number of rays that fill the cone over furniture; twice those over a part (``_core/factors/cone_range.cpp``)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -54,6 +60,40 @@ class ConeRange(OnSurface):
         """Return the standard deviation of the range [m]."""
         axis = np.asarray(self.approach)
         return float(np.sqrt(axis @ self.cov @ axis))
+
+    def log_on(self, surface: Surface, sd: float) -> float | None:
+        """Return the log density of the range of a cone that hits a surface, from rays that fill the cone.
+
+        Args:
+            surface: surface of furniture in the world.
+            sd: standard deviation of this surface along its normal [m].
+        """
+        axis = np.asarray(self.approach)
+        rays = cone_rays(self.half_angle, _RAYS) @ SO3.frame_from_axis(axis, 2).T
+        hits = surface.cast(self.at - self.range * axis, rays)
+        normals = surface.normals[np.maximum(hits.triangles, 0)]
+        cosines = np.abs(np.sum(normals * rays, axis=1))
+        hit = np.isfinite(hits.distances)  # it answered, so that its largest incidence excludes nothing
+        if not hit.any():
+            return -np.inf
+        ranges, shares = hits.distances[hit], SHARES[self.response]
+        flat = np.unique(np.round(normals[hit], 3), axis=0, return_inverse=True)[1].ravel()
+        most = np.argmax(np.bincount(flat, weights=cosines[hit] / ranges**2))
+        predicted = (
+            ("of_rays", ranges, 1 / _RAYS),
+            ("of_nearest", ranges.min(keepdims=True), 1.0),
+            ("of_mean", ranges.mean(keepdims=True), 1.0),
+            ("of_strongest", ranges[flat == most].mean(keepdims=True), 1.0),
+        )
+        # a turn of half the spacing of the rays moves the range on an oblique surface
+        cell = ranges.mean() * np.tan(self.half_angle) * np.tan(np.arccos(cosines[hit])).mean() / np.sqrt(4 * _RAYS)
+        variance = self.residual_sd**2 + sd**2 + cell**2
+        density = sum(
+            shares.get(name, 0.0) * weight * np.exp(-0.5 * (d - self.range) ** 2 / variance).sum()
+            for name, d, weight in predicted
+        )
+        with np.errstate(divide="ignore"):
+            return float(np.log(density) - 0.5 * np.log(2 * np.pi * variance))
 
     def columns(self) -> dict[str, Any]:
         """Return the numbers of the cone, and the probability of each response."""

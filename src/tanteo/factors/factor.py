@@ -18,7 +18,7 @@ from tanteo import _core
 from tanteo.errors import InputError
 from tanteo.features import Feature
 from tanteo.geometry.typing import Covariances, FloatArray, Indices, Vectors
-from tanteo.parts import Part
+from tanteo.parts import Part, Surface
 
 _Class = TypeVar("_Class", bound="type[Factor]")
 
@@ -125,6 +125,15 @@ class Factor(ABC):
         """
         log = -np.log(4 / 3 * np.pi * radius**3)
         return float(log if self.normal is None else log - np.log(4 * np.pi))
+
+    def log_on(self, surface: Surface, sd: float) -> float | None:
+        """Return the log density of the measurement on a surface in the world; None if its place is on the surface.
+
+        Args:
+            surface: surface of furniture in the world.
+            sd: standard deviation of this surface along its normal [m].
+        """
+        return None
 
     @abstractmethod
     def columns(self) -> dict[str, Any]:

@@ -53,6 +53,8 @@ def weigh_furniture(points: ContactPoints, priors: Priors, settings: SearchSetti
     if not furniture or not n:
         return FurniturePoints((), np.zeros(n, dtype=np.int64), np.zeros(n), FreeRays.none())
     log = np.stack([f.log_density(points.points, points.covs, points.radii, points.directions) for f in furniture])
+    own = [[factor.log_on(f.surface, f.sd) for factor in points.factors] for f in furniture]
+    log = np.where([[one is None for one in row] for row in own], log, np.array(own, dtype=np.float64))
     over = log.max(axis=0) - log_outlier - np.where(points.oriented, np.log(4 * np.pi), 0.0)
     over = np.where(points.centres, -np.inf, over)  # nothing measures holes of furniture
     count = int(np.sum(over > 0))
