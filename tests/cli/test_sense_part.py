@@ -46,7 +46,7 @@ def test_it_ends_with_name_place_and_cost_in_words(run, tmp_path):
 
 def test_json_is_one_document_and_the_record_gives_it_again(sense, tmp_path):
     record = tmp_path / "session.json"
-    code, out, err = sense("--json", "--goal", "20mm", "--record", str(record))
+    code, out, err = sense("--json", "--goal", "40mm", "--record", str(record))
     document = json.loads(out)
     assert code == 0
     assert document["schema"] == "tanteo.recognition/1"

@@ -59,7 +59,7 @@ def rays_of(block, sensor, count=20000):
 @pytest.mark.parametrize("response", ["nearest", "mean"])
 def test_the_density_peaks_at_the_range_of_many_rays(block, response):
     rng = np.random.default_rng(3)
-    for _ in range(8):
+    for _ in range(4):
         sensor = looking(rng, block.part)
         d = rays_of(block, sensor)
         d = d[np.isfinite(d)]

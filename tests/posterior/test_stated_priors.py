@@ -74,15 +74,16 @@ def box_about(part, T, away):
     "wrong",
     [lambda p, T: table_at(p, T, 0.01), pytest.param(lambda p, T: box_about(p, T, 5e-3), marks=pytest.mark.slow)],
 )
-def test_a_wrong_table_or_box_is_blamed_not_the_part(bracket, wrong):
+@pytest.mark.parametrize("seeds", [2, pytest.param(6, marks=pytest.mark.slow)])
+def test_a_wrong_table_or_box_is_blamed_not_the_part(bracket, wrong, seeds):
     """Twelve touches agree with some pose on the wrong table, except for a few: nine of ten were called unknown."""
     messages = []
-    for seed in range(6):
+    for seed in range(seeds):
         touches, T, _ = sensed(bracket, 12, 3e-4, seed)
         answer = answered(bracket, touches, wrong(bracket.part, T))
         messages.append(answer.message)
         assert answer.status != "recognized"
-    assert sum("not at the prior pose" in message for message in messages) >= 5, messages
+    assert sum("not at the prior pose" in message for message in messages) >= seeds - 1, messages
 
 
 @pytest.mark.parametrize("right", [lambda p, T: table_at(p, T, 1e-3), lambda p, T: box_about(p, T, -1e-3)])

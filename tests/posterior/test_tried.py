@@ -57,9 +57,10 @@ def test_one_more_outlier_costs_similar_part_its_odds(targets, seed):
     assert len(other.outliers) == len(best.outliers) + 1
 
 
-def test_similar_parts_with_outliers_are_calibrated(targets):
+@pytest.mark.parametrize("scenes", [6, pytest.param(16, marks=pytest.mark.slow)])
+def test_similar_parts_with_outliers_are_calibrated(targets, scenes):
     """No more best answers are wrong than their probabilities state, at a level of 1 in 1000."""
-    found = [answered(targets, (51, k)) for k in range(100, 116)]
+    found = [answered(targets, (51, k)) for k in range(100, 100 + scenes)]
     wrong = sum(right < 0.5 * answer.best.probability for answer, right in found)
     expected = sum(1 - answer.best.probability for answer, _ in found)
     assert poisson.sf(wrong - 1, expected) > 1e-3

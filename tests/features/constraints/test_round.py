@@ -169,12 +169,12 @@ PATTERNS = {
 def test_a_pattern_of_centres_is_chi_square_wherever_it_lies(name):
     holes, dof = PATTERNS[name]
     rng, values = np.random.default_rng(4), []
-    for _ in range(300):
+    for _ in range(100):
         sensed = pattern(rng, holes, 1e-5, 1e-3 * rng.normal(size=6))
         test = cs.relate_pattern(sensed, holes + 0.3)
         assert test.dof == dof
         values.append(test.D2)
-    low, high = special.chdtri(dof * 300, [0.9995, 0.0005]) / 300
+    low, high = special.chdtri(dof * 100, [0.9995, 0.0005]) / 100
     assert low < np.mean(values) < high
 
 

@@ -87,7 +87,7 @@ def test_the_record_gives_the_same_features_to_the_last_bit(tmp_path, felt, kind
 
 def test_the_published_plane_holds_what_it_states():
     """Four readings of the record instead of all: a greater covariance, and a calibrated one."""
-    total, n = 0.0, 12
+    total, n = 0.0, 6
     for seed in range(n):
         session = SensingRun(robot_on(T=start(height=0.07, tilt=(0.0, 0.05, 0.2)), seed=seed), 0.02, RULES, None)
         _, _, plane = scan(session, "plane", 0.015)

@@ -125,7 +125,7 @@ def test_touches_beside_an_image_of_something_else_find_the_part(twins, steps):
     start = seen_start(seen, steps, at_place(steps, place, WIDE))
     probe = replace(LASER, approach=np.array([0.0, 0.0, -1.0]), cone=np.radians(80.0))
     sd, rng = float(probe.law.const), np.random.default_rng(4)
-    session = Session(start, probe, Sensing(sd=sd), stop=Stop(tolerance=1e-3))
+    session = Session(start, probe, Sensing(sd=sd), stop=Stop(tolerance=2e-3))
     for _ in range(12):
         action = session.ask()
         if not isinstance(action, Action):
