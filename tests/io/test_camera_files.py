@@ -436,6 +436,7 @@ def test_marks_come_in_metres(tmp_path):
         ("u_px,v_px,x_mm,y_mm\n1,2,three,4\n", ("line 2", "three")),
         ("u_px,v_px,x_mm,y_mm\n1,2,3\n", ("line 2", "4 cells")),
         ("u_px,v_px,x_mm,x_m,y_mm\n1,2,3,4,5\n", ("once",)),
+        (f"u_px,v_px,x_mm,y_mm\n1,2,3,{'4' * 200_000}\n", ("comma-separated cells", "131072")),
     ],
 )
 def test_marks_that_cannot_be_read_are_refused_by_place(tmp_path, text, words):

@@ -173,6 +173,7 @@ QUAT = "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm,hand_qw,hand_qx,hand_qy,han
         ("x_mm,y_mm,z_mm,status\n1,2,3,off\n", ReadingsError, "expected one of ok, none, invalid, got 'off'"),
         ("x_mm,y_mm,z_mm,status\n1,2,3,none\n", ReadingsError, "free reading '1': expected where the beam was"),
         ("range_mm,sensor\n100,eye\n", ReadingsError, "Add where the points are"),
+        (100_000 * "x_mm," + "\n1\n", ReadingsError, "expected up to 10000 columns, got 10000"),
     ],
 )  # fmt: skip
 def test_refusals(tmp_path, content, error, message):
@@ -182,6 +183,13 @@ def test_refusals(tmp_path, content, error, message):
     assert type(caught.value) is error
     assert str(caught.value).startswith(str(path))
     assert message in str(caught.value)
+
+
+def test_a_message_quotes_only_the_beginning_of_a_long_cell(tmp_path):
+    path = file(tmp_path, f"x_mm,y_mm,z_mm\n0,0,{'9' * 5000}\n")
+    with pytest.raises(ReadingsError, match="expected a finite number, got '9999") as caught:
+        read_readings(path)
+    assert len(str(caught.value)) < len(str(path)) + 200
 
 
 @pytest.mark.parametrize(

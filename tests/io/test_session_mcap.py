@@ -16,7 +16,7 @@ from tanteo.parts import read_part
 from tanteo.posterior import prepare
 from tanteo.sensors import Readings
 
-pytest.importorskip("mcap", reason="the extra tanteo[bags] is not installed")
+Writer = pytest.importorskip("mcap.writer", reason="the extra tanteo[bags] is not installed").Writer
 highlevel = pytest.importorskip("rosbags.highlevel", reason="the extra tanteo[bags] is not installed")
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -115,6 +115,20 @@ def test_a_file_of_another_session_gives_no_moments(session, tmp_path, target):
     after = [stamp for topic, stamp, _ in messages(path) if topic == "/tanteo/corner_sd"]
     assert len(after) == 1
     assert after[0] not in before
+
+
+def test_damaged_text_inside_is_refused(tmp_path):
+    """The length of the text is larger than the message."""
+    path = tmp_path / "run.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data\n")
+        channel = writer.register_channel("/tanteo/record", "cdr", schema)
+        writer.add_message(channel, 0, b"\x00\x01\x00\x00\xff\x00\x00\x00{}", 0)
+        writer.finish()
+    with pytest.raises(InputError, match="got damaged text"):
+        load_record(path)
 
 
 def test_what_is_no_record_is_refused(session, tmp_path):

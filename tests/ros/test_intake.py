@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tanteo import io
-from tanteo.errors import ReadingsError
+from tanteo.errors import InputError, ReadingsError
 from tanteo.geometry import SE3, SO3
 from tanteo.ros import Intake, Patience
 
@@ -97,6 +98,24 @@ def test_late_and_strange_stamps_are_counted(moving):
     assert dict(moving.drop_counts()) == {
         "older than --max-age on arrival": 1, "stamp in the future: clocks differ": 1, "duplicate": 1,
     }  # fmt: skip
+
+
+def test_a_message_without_a_field_is_refused_by_its_topic(moving):
+    lacking = reading(100.5, 0.2)
+    del lacking.max_range
+    with pytest.raises(InputError, match=r"/range: expected messages of sensor_msgs/msg/Range with the fields"):
+        moving.take("/range", 100.6, lacking)
+
+
+def test_the_cost_of_a_reading_does_not_rise_with_those_that_wait():
+    def seconds(count):
+        intake = listening(("/tf", TF), ("/range", RANGE), transform=100.0)
+        begin = time.process_time()
+        for k in range(count):
+            intake.take("/range", 100 + 1e-3 * k, reading(100 + 1e-3 * k, 0.2))
+        return time.process_time() - begin
+
+    assert seconds(4000) < 9 * seconds(1000)  # four times as many; sixteen times if each took all into account
 
 
 def test_readings_are_thinned(moving):
