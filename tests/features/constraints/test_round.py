@@ -82,6 +82,40 @@ def test_covariances_match_differences():
     assert compared > 50
 
 
+@pytest.mark.parametrize(
+    ("kinds", "tilt"),
+    [
+        ({"axis_angle"}, 1.0),
+        ({"axis_distance", "centre_distance", "centre_axis_distance", "centre_edge_distance"}, 1e-3),
+    ],
+    ids=["angles", "distances"],
+)
+def test_biases_match_second_differences(kinds, tilt):
+    """The mean error of a value is half the sum of its second differences along the principal errors of each feature.
+
+    Distances state that of displacements, so there tilts are small. One axis is reversed: its angles are obtuse.
+    """
+    alone = []
+    for f in features():
+        size = np.where(np.array(f.kind.rows) < 3, 1.0, tilt)
+        T = f.T_world_feature @ SE3.exp([0, 0, 0, np.pi, 0, 0]) if f.label == "slanted bore" else f.T_world_feature
+        alone.append(Feature(f.kind, T, np.outer(size, size) * f.P, label=f.label))
+    table = {(c.kind.name, c.labels): c for c in cs.relate_all(alone) if c.kind.name in kinds and not c.caution}
+    total = dict.fromkeys(table, 0.0)
+    for k, feature in enumerate(alone):
+        for error in np.linalg.cholesky(feature.P).T:
+            for step in (10.0, -10.0):
+                T = feature.T_world_feature @ SE3.exp(step * error @ feature.kind.B)
+                moved = [*alone[:k], Feature(feature.kind, T, feature.P, label=feature.label), *alone[k + 1 :]]
+                for c in cs.relate_all(moved):
+                    key = (c.kind.name, c.labels)
+                    if key in total:
+                        total[key] += float((c.value - table[key].value)[0]) / (2 * step**2)
+    for key, found in table.items():
+        np.testing.assert_allclose(found.bias[0], total[key], rtol=0.02, atol=1e-12, err_msg=str(key))
+    assert {name for name, _ in table} == kinds
+
+
 def test_an_error_of_the_base_cancels_between_round_features():
     base = SharedError("base", np.diag([1.0, 1.0, 1.0, 1e-4, 1e-4, 1e-4]))
     alone = features()
