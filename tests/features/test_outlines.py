@@ -57,3 +57,12 @@ def test_a_radius_that_is_given_does_not_move():
 
 def test_every_kind_has_lines():
     assert all(len(outline(made(kind))) for kind in KINDS.values())
+
+
+def test_a_sphere_has_a_great_circle_square_to_each_axis():
+    points = SE3.apply(SE3.inverse(T), outline(made(SPHERE))[:, 0])
+    for axis in range(3):
+        ring = points[np.abs(points[:, axis]) < 1e-9]
+        assert len(ring) >= len(points) // 3
+        np.testing.assert_allclose(np.delete(ring, axis, axis=1).min(axis=0), -RADIUS, rtol=0.01)
+        np.testing.assert_allclose(np.delete(ring, axis, axis=1).max(axis=0), RADIUS, rtol=0.01)

@@ -75,6 +75,12 @@ def test_exp_is_the_matrix_exponential():
     np.testing.assert_allclose(SE3.adjoint(SE3.exp(xi)), expm(SE3.ad(xi)), atol=1e-13)
 
 
+def test_vee_inverts_hat_and_takes_the_skew_part():
+    w, rng = np.array([[1.0, -2.0, 3.0], [0.5, 0.2, -0.1]]), np.random.default_rng(0)
+    S = rng.normal(size=(2, 3, 3))
+    np.testing.assert_allclose(SO3.vee(SO3.hat(w) + S + np.swapaxes(S, -1, -2)), w, atol=1e-15)
+
+
 def test_log_is_exact_at_pi():
     for axis in np.eye(3):
         R = 2 * np.outer(axis, axis) - np.eye(3)

@@ -11,7 +11,7 @@ from bare_scenes import box_centred_pose, no_paths, surface_points, touches_of
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
 from tanteo.posterior import PosePrior, Priors, identify_points, prepare
-from tanteo.posterior.unknown import possible_centres
+from tanteo.posterior.unknown import log_unknown, possible_centres
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "parts"
 
@@ -66,3 +66,11 @@ def test_a_part_that_is_there_is_rarely_denied():
         denied.append(identify_points(touches, no_paths(), [target], priors=priors).unknown_probability)
     assert np.mean(denied) < 0.053 + 3 * np.std(denied) / np.sqrt(len(denied))
     assert np.median(denied) < 0.1
+
+
+def test_the_unknown_object_is_a_stranger_or_a_near_variant():
+    """Its evidence is a mixture of readings anywhere, which have the prior already, and of variants of known parts."""
+    priors = Priors(unknown=0.1, near_variant=0.2)
+    found = np.exp(log_unknown(-3.0, np.log([0.2, 0.3]), priors))
+    assert found == pytest.approx(0.8 * np.exp(-3.0) + 0.1 * 0.2 * 0.5)
+    assert np.exp(log_unknown(-3.0, np.zeros(0), priors)) == pytest.approx(0.8 * np.exp(-3.0))
