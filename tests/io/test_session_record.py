@@ -121,7 +121,9 @@ def same_plan(a, b):
     assert session_document(a)["pending"] == session_document(b)["pending"]
 
 
-@pytest.mark.parametrize("scene", [plain_touches, shared_errors, rig])
+@pytest.mark.parametrize(
+    "scene", [shared_errors, *(pytest.param(s, marks=pytest.mark.slow) for s in (plain_touches, rig))]
+)
 def test_a_session_is_resumed_to_the_last_bit_at_any_point(scene, targets, tmp_path):
     session, readings_given = scene(targets)
     some = [target for target in targets if target in session.start.targets]

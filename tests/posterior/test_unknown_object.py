@@ -36,7 +36,7 @@ def test_readings_of_a_larger_object_get_a_larger_box():
     assert 4 / 3 * np.pi * 0.2**3 < where.volume < 4 / 3 * np.pi * 0.7**3
 
 
-@pytest.mark.parametrize("far", [0.2, 2.0, 50.0])
+@pytest.mark.parametrize("far", [2.0, *(pytest.param(far, marks=pytest.mark.slow) for far in (0.2, 50.0))])
 @pytest.mark.parametrize("known", [False, True])
 def test_a_far_stray_does_not_make_none_of_these_more_probable(far, known):
     """A metre or fifty: it is off the part, and equally uninformative about an unknown object."""

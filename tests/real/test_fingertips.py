@@ -52,6 +52,7 @@ def test_all_eleven_meshes_are_read_and_one_is_open(targets):
     np.testing.assert_array_equal(targets["cleaner"].part.vertices, targets["spray"].part.vertices)
 
 
+@pytest.mark.slow
 def test_real_cylinder(targets):
     """Target 5.75 mm; least squares, which maximum likelihood is, cannot be under 5.87 and no pose under 5.45.
 

@@ -35,7 +35,9 @@ def recorded(readings, kind, folder):
     return recording.write(folder)
 
 
-@pytest.mark.parametrize(("sensor", "surface", "kind"), [("L3CX", "R1", "mcap"), ("6180", "W2", "ros1")])
+@pytest.mark.parametrize(
+    ("sensor", "surface", "kind"), [("L3CX", "R1", "mcap"), pytest.param("6180", "W2", "ros1", marks=pytest.mark.slow)]
+)
 def test_a_bag_gives_the_same_answer(sensor, surface, kind, tmp_path):
     direct = run(sensor, surface)
     read = read_readings(recorded(direct, kind, tmp_path))

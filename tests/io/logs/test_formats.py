@@ -246,8 +246,9 @@ def test_an_interrupted_height_map_keeps_its_grid(tmp_path):
         read_readings(save(tmp_path, grid + rows([*points, (30, 10, -1)])), units="mm", radius=1.0)
 
 
+@pytest.mark.parametrize("step", [11, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("case", CASES)
-def test_a_file_cut_anywhere_gives_only_rows_of_the_whole(tmp_path, case):
+def test_a_file_cut_anywhere_gives_only_rows_of_the_whole(tmp_path, case, step):
     """Cut a sample: it is refused, or its points are the first ones of the sample.
 
     The last of three points is not compared, because they do not show how many decimals a program writes; nor are the
@@ -256,7 +257,7 @@ def test_a_file_cut_anywhere_gives_only_rows_of_the_whole(tmp_path, case):
     _, content, options = CASES[case]
     data = content if isinstance(content, bytes) else content.encode()
     path = tmp_path / "log"
-    for end in range(0, len(data), 1 if len(data) < 500 else 3):
+    for end in range(0, len(data), step):
         path.write_bytes(data[:end])
         try:
             readings = read_readings(path, **options)
