@@ -68,7 +68,7 @@ def test_a_part_that_is_there_is_rarely_denied():
     assert np.median(denied) < 0.1
 
 
-def test_the_unknown_object_is_a_stranger_or_a_near_variant():
+def test_the_unknown_object_is_anything_or_a_near_variant():
     """Its evidence is a mixture of readings anywhere, which have the prior already, and of variants of known parts."""
     priors = Priors(unknown=0.1, near_variant=0.2)
     found = np.exp(log_unknown(-3.0, np.log([0.2, 0.3]), priors))
