@@ -138,6 +138,30 @@ def sense(session, target, T, rng, sd=None, each=None):
     return action
 
 
+def sense_made(session, target, T, offsets, rng):
+    """Touch a made part, each face of which is displaced along its normal ``(F,)`` [m], until the session ends."""
+    sd, radius, to_part = float(session.probe.law.const), session.probe.radius, SE3.inverse(T)
+    while isinstance(action := session.ask(), Action):
+        distance = where_a_ball_stops(target, T, action, radius)
+        if np.isfinite(distance):
+            centre = SE3.apply(to_part, action.origin + distance * action.direction)
+            triangle = target.surface.closest(centre[None]).triangles[0]
+            cosine = abs(target.surface.normals[triangle] @ (to_part[:3, :3] @ action.direction))
+            outward = offsets[target.part.triangle_face[triangle]]
+            distance = max(distance - outward / max(cosine, 0.2) + sd * rng.normal(), 1e-6)
+        session.tell(action.read(distance))
+    return action
+
+
+def made_session(target, form_sd, rng, seed=0, **stop):
+    """Return a session with a stylus on a made part, its pose and the offsets of its faces."""
+    start = at_place([target], np.eye(4), np.diag(np.repeat([2e-3, 0.05], 3)) ** 2)
+    T, probe = drawn_truth(start, rng)[1], replace(STYLUS, max_range=0.06, form_sd=form_sd)
+    sensing = Sensing(sd=float(probe.law.const), tolerance=form_sd)
+    session = Session(start, probe, sensing, stop=Stop(probability=None, **stop), seed=seed)
+    return session, T, form_sd * rng.normal(size=len(target.part.faces))
+
+
 def new_session(start, probe=LASER, policy="information", seed=0, **stop):
     """Return a session whose sensor has the noise of its probe."""
     sensing = Sensing(sd=float(probe.law.const))

@@ -37,7 +37,7 @@ from tanteo.sensors import (
     unstated_sd,
 )
 from tanteo.sensors.anomalies import without_repeats
-from tanteo.sensors.error_states import ErrorState, Offset
+from tanteo.sensors.error_states import ErrorState, Offset, made_surface
 from tanteo.sensors.presets import RobotPreset, SensorPreset
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
@@ -95,7 +95,8 @@ def identify(
         sensor: preset for readings without an sd of their own.
         sd: one standard deviation of a point along beam or normal [m], for readings without an sd of their own. For
             touches it is estimated from the readings if neither it nor a sensor is given.
-        tolerance: sd of the made part's surface against its CAD [m].
+        tolerance: sd of the made part's surface against its CAD [m], mostly common to all readings of a face; see
+            :func:`tanteo.sensors.error_states.made_surface`.
         robot: preset of robot errors; its absolute error is shared by all readings.
         tip_sd: sds of the tip's offset in the hand's frame [m], one draw for the run. If none are stated and the
             readings have poses of the hand, they are 0.3 mm, or 2 mm if the readings contradict that, and a finding
@@ -143,7 +144,7 @@ def identify(
     stated_sd, sd = sd, sd if unstated is None else unstated
     priors = _with_noise_factor(priors, readings, sensor, stated_sd, unstated)
     placed = priors is not None and priors.pose is not None
-    first_tip = tip_sd
+    first_tip, (of_surface, own_sd) = tip_sd, made_surface(tolerance)
     for wider in (False, True):
         tip_sd = np.full(3, WIDE_TIP_SD) if wider else first_tip
         measured = measure(
@@ -154,7 +155,7 @@ def identify(
             tip_sd=tip_sd,
             bias_sd=bias_sd,
             rig=rig,
-            shared_errors=shared_errors,
+            shared_errors=(*shared_errors, *([] if as_published else of_surface)),
         )
         if as_published:
             from tanteo.paper import identify_labelled_as_published
@@ -163,8 +164,8 @@ def identify(
                 measured, parts, tolerance=tolerance, significance=significance, top=top, seed=seed, placed=placed,
                 seconds=time.perf_counter() - start,
             )  # fmt: skip
-        points = as_contact_points(measured, tolerance, readings.ranges.take(measured.rows))
-        rays = as_free_rays(measured, tolerance)
+        points = as_contact_points(measured, own_sd, readings.ranges.take(measured.rows))
+        rays = as_free_rays(measured, own_sd)
         elapsed = time.perf_counter() - start
         all_factors = (*factors, *_factors(views, measured.points, parts, priors))
         answer = identify_points(
@@ -255,19 +256,18 @@ class Query:
 
     def problem(self, readings: Readings, parts: Sequence[Part]) -> tuple[Problem, Candidates]:
         """Return the measurements and priors of the inference for other readings, and its candidate parts."""
-        own, settings, tolerance = self._options, self._options.get("settings", DEFAULTS), self._options["tolerance"]
+        own, settings = self._options, self._options.get("settings", DEFAULTS)
+        of_surface, own_sd = made_surface(own["tolerance"])
         candidates = Candidates(parts)
         own = own | {"tip_sd": _with_tip(readings, own["tip_sd"])[0]}
         unstated = unstated_sd(readings, sensor=own["sensor"], sd=own["sd"], rig=own["rig"])
         sd = own["sd"] if unstated is None else unstated
-        known = {
-            name: own[name] for name in ("sensor", "robot", "tip_sd", "bias_sd", "shared_errors", "rig") if name in own
-        }
-        measured = measure(readings, sd=sd, **known)
-        points = as_contact_points(measured, tolerance, readings.ranges.take(measured.rows))
+        known = {name: own[name] for name in ("sensor", "robot", "tip_sd", "bias_sd", "rig") if name in own}
+        measured = measure(readings, sd=sd, shared_errors=(*own.get("shared_errors", ()), *of_surface), **known)
+        points = as_contact_points(measured, own_sd, readings.ranges.take(measured.rows))
         priors = _with_noise_factor(own["priors"], readings, own["sensor"], own["sd"], unstated)
         priors = sized(priors, float(candidates.radii.max()))
-        return Problem(points, as_free_rays(measured, tolerance), priors, settings=settings), candidates
+        return Problem(points, as_free_rays(measured, own_sd), priors, settings=settings), candidates
 
     def answer(
         self,

@@ -8,8 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from tanteo.geometry import SE3
-from tanteo.geometry.typing import FloatArray, IntArray, Vectors
+from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.parts.part import Part
 
 _NAME = re.compile(r"(\w+) (\d+)")
@@ -72,17 +71,6 @@ class NamedFace:
         """Return its nearest place and the directions across it ``(k, 3)``; None where the surface itself has them."""
         return None
 
-    def form(self, points: Vectors, across: IntArray) -> FloatArray:
-        """Return how its errors of form shift readings ``(m, 4)``.
-
-        A made face is off in height; a labelled plane and edge also tilt, by the tolerance over the radius of gyration.
-
-        Args:
-            points: places of the readings ``(m, 3)``.
-            across: which of the directions across it each row is along ``(m,)``.
-        """
-        return np.eye(4)[np.zeros_like(across)]
-
 
 class NamedPlane(NamedFace):
     """A flat face, by the number of the face, that the readings of a label determine."""
@@ -99,13 +87,6 @@ class NamedPlane(NamedFace):
         planes, k = self.part.planes, self._row
         n = planes.normals[k]
         return point - n * (n @ (point - planes.centroids[k])), n[None]
-
-    def form(self, points: Vectors, across: IntArray) -> FloatArray:
-        """Return how its height and tilts shift readings."""
-        out, planes, k = np.eye(4)[np.zeros_like(across)], self.part.planes, self._row
-        local = SE3.apply(SE3.inverse(planes.Ts_part_feature[k]), points)
-        out[:, 1:3] = local[:, :2] / np.maximum(planes.gyration[k], 1e-9)
-        return out
 
 
 class NamedEdge(NamedFace):
@@ -137,12 +118,6 @@ class NamedEdge(NamedFace):
         x = T[:3, 0]
         return T[:3, 3] + x * (x @ (point - T[:3, 3])), T[:3, 1:].T[:2]
 
-    def form(self, points: Vectors, across: IntArray) -> FloatArray:
-        """Return how its offsets and tilts shift readings."""
-        T, length = self.part.edges.Ts_part_feature[self.number], self.part.edges.lengths[self.number]
-        along = (points - T[:3, 3]) @ T[:3, 0] * np.sqrt(12.0) / max(length, 1e-9)
-        return np.eye(4)[across] + along[:, None] * np.eye(4)[2 + across]
-
 
 class NamedVertex(NamedFace):
     """A corner of straight edges."""
@@ -170,10 +145,6 @@ class NamedVertex(NamedFace):
     def nearest(self, point: Vectors) -> tuple[Vectors, Vectors] | None:
         """Return its place and the three axes."""
         return self.part.corners.points[self.number], np.eye(3)
-
-    def form(self, points: Vectors, across: IntArray) -> FloatArray:
-        """Return how its offsets shift readings."""
-        return np.eye(4)[across]
 
 
 NAMED: dict[str, type[NamedFace]] = {"face": NamedFace, "plane": NamedPlane, "edge": NamedEdge, "vertex": NamedVertex}

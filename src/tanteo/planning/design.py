@@ -31,6 +31,9 @@ _TINY = 1e-9
 _EXACT = 1e-7
 """Smallest standard deviation of the robot's position and rotation, so that covariances are invertible [m, rad]."""
 
+_NEGLIGIBLE = 1e-4
+"""Numerical: factor on the variances of all candidates that stands for infinitely many readings."""
+
 _POSES = 2048
 """Number of sampled poses for the probability of the tolerance."""
 
@@ -39,8 +42,8 @@ _POSES = 2048
 class Design:
     """Linear model of a plan: each candidate reading measures one combination of ``D`` states.
 
-    The states are the perturbation of the pose, the bias of the sensor and the error of the robot base. Bias and base
-    are states only if the probe has these errors.
+    The states are the perturbation of the pose, the bias of the sensor, the error of the robot base and the offset of
+    each face of the made part. All but the pose are states only if the probe has these errors.
 
     Attributes:
         target: the part.
@@ -218,7 +221,8 @@ def design_of(
     candidates = propose(begin(start), probe, _CANDIDATES, seed, anywhere=False)
     if not len(candidates):
         return None
-    prior, limit = _prior(start, probe)
+    aimed = np.unique(candidates.face) if probe.face_variance > 0 else np.zeros(0, dtype=np.int64)
+    prior = _prior(start, probe, len(aimed))
     chosen_by, judged_by = placements(target, T, prior, candidates, probe)
     kept = _steadiest(chosen_by, steady, clear)
     candidates = candidates.take(kept)
@@ -229,10 +233,13 @@ def design_of(
         rows.append(np.ones((len(g), 1)))
     if max(probe.base_sds) > 0:  # an error of the robot acts like the inverse motion of the part
         rows.append(-g)
+    if len(aimed):
+        rows.append(np.where(faces[:, None] == aimed, -1 / cosines[:, None], 0.0))
     points = candidates.origins + ranges[:, None] * candidates.directions
     own, places = probe.own_variance(ranges, cosines), places_of(target.part, feature)
+    of_states = np.concatenate(rows, axis=1)
     return Design(
-        target, probe, candidates, faces, points, np.concatenate(rows, axis=1), own, prior, limit, places,
+        target, probe, candidates, faces, points, of_states, own, prior, _limit(of_states, own, prior), places,
         places.moves, chosen_by.take(kept), judged_by.take(kept),
     )  # fmt: skip
 
@@ -243,18 +250,22 @@ def _steadiest(among: Placements, steady: float, clear: float) -> IntArray:
     return np.flatnonzero(margin >= min(0.0, np.sort(margin)[::-1][min(_LEAST, len(margin)) - 1]))
 
 
-def _prior(start: Start, probe: Probe) -> tuple[Covariances, Covariances]:
-    """Return the prior covariance of the states, and the pose covariance in the limit of infinitely many readings."""
+def _prior(start: Start, probe: Probe, faces: int) -> Covariances:
+    """Return the prior covariance of the states for a number of aimed faces."""
     from scipy.linalg import block_diag  # slow to import
 
     pose = observed_covariance(start.targets[0].part, start.covariances[0])
-    pose = pose + _TINY * start.covariances[0]  # invertible also for the spin of a round part
-    blocks, limit = [pose], np.zeros((6, 6))
+    blocks = [pose + _TINY * start.covariances[0]]  # invertible also for the spin of a round part
     if probe.shared_sd > 0:
         blocks.append(np.full((1, 1), probe.shared_sd**2))
     if max(probe.base_sds) > 0:
         A = SE3.adjoint_inverse(start.Ts[0])
-        base = (A * np.repeat(np.square(np.maximum(probe.base_sds, _EXACT)), 3)) @ A.T
-        blocks.append(base)
-        limit = pose @ np.linalg.solve(pose + base, base)
-    return block_diag(*blocks), limit
+        blocks.append((A * np.repeat(np.square(np.maximum(probe.base_sds, _EXACT)), 3)) @ A.T)
+    blocks.append(probe.face_variance * np.eye(faces))
+    return np.asarray(block_diag(*blocks))
+
+
+def _limit(rows: FloatArray, variances: FloatArray, prior: Covariances) -> Covariances:
+    """Return the covariance of the pose in the limit of infinitely many readings at all candidates ``(6, 6)``."""
+    information = np.linalg.inv(prior) + (rows.T / (_NEGLIGIBLE * variances)) @ rows
+    return np.asarray(np.linalg.inv(information)[:6, :6])

@@ -51,7 +51,7 @@ class Placements:
 
     Attributes:
         Ts: poses of the part ``T_world_part`` ``(S, 4, 4)``.
-        errors: errors of the states: pose, bias and base ``(S, D)``.
+        errors: errors of the states: pose, bias, base and faces ``(S, D)``.
         noise: standard normal noise of the readings ``(S, M, D)``.
         clear: whether the approach of each candidate is clear ``(S, N)``.
         meets: whether the approach is clear and the candidate has an echo from its face ``(S, N)``.
@@ -93,7 +93,7 @@ def placements(
     Args:
         target: the part.
         T: expected pose ``T_world_part`` ``(4, 4)``.
-        prior: covariance of pose, bias and base ``(D, D)``; the pose is first and independent of the others.
+        prior: covariance of pose, bias, base and faces ``(D, D)``; the pose is first and independent of the others.
         candidates: candidate readings.
         probe: sensor model.
     """

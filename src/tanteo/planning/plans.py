@@ -3,8 +3,8 @@
 Near the expected pose the problem is linear: each reading adds information along one direction of the pose. An exchange
 algorithm (Fedorov 1972) chooses the set. It starts from the previous set with one more reading, and from random sets.
 It minimizes the mean square error of the corners or of the feature, with most weight on the worst point. The bias of
-the sensor and the error of the robot base are states of the problem, because readings that share them do not average
-them out.
+the sensor, the error of the robot base and the offsets of the made part's faces are states of the problem, because
+readings that share them do not average them out.
 
 Then placements of the part are sampled from the prior. At each of them only the readings that hit their faces count.
 Readings are exchanged and added until the tolerance holds over all placements.
@@ -34,8 +34,8 @@ from tanteo.words.findings import (
     PlanGoal,
     PlanResult,
     PriorTooWide,
-    RobotErrorLimits,
     StartTooClose,
+    SystematicErrorLimits,
 )
 
 _BETTER = 10.0
@@ -228,11 +228,11 @@ def _goal(design: Design, tolerance: float) -> PlanGoal:
 
 def _result(
     design: Design, readings: list[PlannedReading], brings: Promise, tolerance: float, confidence: float
-) -> PlanResult | RobotErrorLimits:
+) -> PlanResult | SystematicErrorLimits:
     """Return the result of a plan, or that the error of the robot prevents the goal with any number of readings."""
     goal, reached = _goal(design, tolerance), brings.within >= confidence
     if not reached and design.chance(design.limit, tolerance) < confidence:
-        return RobotErrorLimits(goal, design.places.sd(design.limit))
+        return SystematicErrorLimits(goal, design.places.sd(design.limit), design.probe.form_sd)
     return PlanResult(
         goal, reached, len(readings), readings[-1].sd, brings.within, brings.if_all_hit, brings.all_meet,
         brings.if_all_hit >= confidence,

@@ -12,6 +12,7 @@ from tanteo.geometry.limits import LARGEST, LEAST_SD
 from tanteo.geometry.typing import BoolArray, FloatArray, Vectors
 from tanteo.hand import Body, Workspace
 from tanteo.parts import Surface
+from tanteo.sensors.error_states import made_surface
 from tanteo.sensors.presets import NoiseLaw, RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.values import Value, lock
 
@@ -57,7 +58,8 @@ class Probe(Value):
         min_range: smallest range with an echo [m].
         radius: radius of the ball at its tip [m]; a reading is the centre of the stopped ball. It is 0 for a point or a
             beam.
-        form_sd: standard deviation of the made part's surface from its CAD [m].
+        form_sd: standard deviation of the made part's surface from its CAD [m], mostly common to a face; see
+            :func:`tanteo.sensors.error_states.made_surface`.
         tilt: largest angle between the holder of a stylus that points along the motion and the vertical [rad].
         axis_parallel: whether motions are parallel to an axis of the world, as those of a milling machine.
         body: spheres of stylus and tool, in the frame of the probe: origin at the ball's centre, z along the stylus,
@@ -189,7 +191,12 @@ class Probe(Value):
         Args:
             cosines: cosines of the incidence, positive ``(*batch,)``.
         """
-        return np.asarray(self.shared_sd**2 + (self.base_sds[0] / cosines) ** 2)
+        return np.asarray(self.shared_sd**2 + (self.base_sds[0] ** 2 + self.face_variance) / cosines**2)
+
+    @property
+    def face_variance(self) -> float:
+        """Variance of the offset of each face of the made part, along its normal [m^2]."""
+        return float(sum(one.sd**2 for one in made_surface(self.form_sd)[0]))
 
     def short(self, cosines: FloatArray) -> FloatArray:
         """Return the distance from the centre of the stopped ball to the surface along the approach [m].
@@ -206,7 +213,7 @@ class Probe(Value):
             ranges: true ranges ``(*batch,)`` [m].
             cosines: cosines of the incidence, positive ``(*batch,)``.
         """
-        along, repeat2 = self.law.sigma(ranges) ** 2, self.repeat_sd**2 + self.form_sd**2
+        along, repeat2 = self.law.sigma(ranges) ** 2, self.repeat_sd**2 + made_surface(self.form_sd)[1] ** 2
         if self.contact:
             return np.asarray((along + repeat2) / cosines**2)
         return np.asarray(along + self.cone_variance(ranges, cosines) + repeat2 / cosines**2)

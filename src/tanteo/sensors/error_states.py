@@ -19,6 +19,7 @@ from typing import ClassVar
 import numpy as np
 
 from tanteo.errors import InputError
+from tanteo.geometry import SO3
 from tanteo.geometry.limits import LARGEST, check_number
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
 from tanteo.sensors.columns import Column
@@ -41,6 +42,8 @@ class Sensed:
         labels: label of each reading; empty for none.
         T_world_units: poses of the range sensors ``(n, 4, 4)`` [m], for readings of a rig.
         units: index of the device of each reading ``(n,)``.
+        sds: standard deviation along the beam or normal ``(n,)`` [m].
+        on_surface: mask of the readings that are points of one face ``(n,)``.
     """
 
     points: Vectors
@@ -51,6 +54,8 @@ class Sensed:
     labels: tuple[str, ...]
     T_world_units: Column
     units: IntArray
+    sds: FloatArray
+    on_surface: BoolArray
 
     def aimed(self) -> Vectors:
         """Return the directions of the readings that sensed a surface; zero for others ``(n, 3)``."""
@@ -278,32 +283,37 @@ class Form(ErrorState):
     length: float | None = None
     name: ClassVar[str] = "form"
 
-    _MOST: ClassVar[int] = 8
-    """Numerical: most components of the field in one axis; with the default length these are 99 % of the variance."""
-
     def columns(self, sensed: Sensed) -> Columns:
         """Return the leading components of the field at the readings, in each axis.
 
         Args:
             sensed: the readings.
         """
-        n, hit = len(sensed.points), np.flatnonzero(sensed.hit)
-        at = sensed.points[hit]
-        if not len(at):
-            return Columns(np.zeros((n, 3, 0)), ())
-        extent = float(np.linalg.norm(np.ptp(at, axis=0)))
-        length = self.length or max(0.5 * extent, 1e-6)
-        some = at[:: max(1, len(at) // 200)]
-        values, vectors = np.linalg.eigh(_smooth(some, some, length))
-        count = min(self._MOST, int(np.count_nonzero(values > 1e-9 * values[-1])))
-        values, vectors = values[::-1][:count], vectors[:, ::-1][:, :count]
-        field_at = _smooth(at, some, length) @ vectors / np.sqrt(values)  # Nystroem, exact where all points are used
-        points = np.zeros((n, 3, 3 * count))
-        points[hit] = np.einsum("nk,ij->nikj", field_at, np.eye(3)).reshape(len(at), 3, 3 * count)
-        rest = np.zeros(n)
-        rest[hit] = np.maximum(1 - np.sum(field_at**2, axis=1), 0)
-        names = tuple(f"form, component {k + 1} along {axis}" for k in range(count) for axis in "xyz")
-        return Columns(points, names, covs=self.sd**2 * rest[:, None, None] * np.eye(3))
+        return _field(sensed.points, np.flatnonzero(sensed.hit), self.sd, self.length)
+
+
+_MOST_COMPONENTS = 8
+"""Numerical: most components of a field in one axis; with the default length these are 99 % of the variance."""
+
+
+def _field(points: Vectors, rows: IntArray, sd: float, length: float | None) -> Columns:
+    """Return the leading components of a smooth field of displacements at some readings, in each axis."""
+    n, at = len(points), points[rows]
+    if not len(at):
+        return Columns(np.zeros((n, 3, 0)), ())
+    extent = float(np.linalg.norm(np.ptp(at, axis=0)))
+    length = length or max(0.5 * extent, 1e-6)
+    some = at[:: max(1, len(at) // 200)]
+    values, vectors = np.linalg.eigh(_smooth(some, some, length))
+    count = min(_MOST_COMPONENTS, int(np.count_nonzero(values > 1e-9 * values[-1])))
+    values, vectors = values[::-1][:count], vectors[:, ::-1][:, :count]
+    field_at = _smooth(at, some, length) @ vectors / np.sqrt(values)  # Nystroem, exact where all points are used
+    columns = np.zeros((n, 3, 3 * count))
+    columns[rows] = np.einsum("nk,ij->nikj", field_at, np.eye(3)).reshape(len(at), 3, 3 * count)
+    rest = np.zeros(n)
+    rest[rows] = np.maximum(1 - np.sum(field_at**2, axis=1), 0)
+    names = tuple(f"form, component {k + 1} along {axis}" for k in range(count) for axis in "xyz")
+    return Columns(columns, names, covs=sd**2 * rest[:, None, None] * np.eye(3))
 
 
 def _smooth(a: Vectors, b: Vectors, length: float) -> FloatArray:
@@ -362,9 +372,8 @@ class Fan(ErrorState):
 class Stock(ErrorState):
     """Material left on the CAD surface [m]: each face has its own amount, from none to about the stated one and more.
 
-    Readings belong to one face if they have one label, or if their approaches are within 20 degrees of each other. The
-    prior of each amount is normal with half the stated amount as mean and as standard deviation, so that none and the
-    stated amount are one standard deviation from it.
+    The prior of each amount is normal with half the stated amount as mean and as standard deviation, so that none and
+    the stated amount are one standard deviation from it. :func:`faces_of` groups the readings by face.
 
     Attributes:
         uniform: whether all faces have the same amount.
@@ -375,8 +384,6 @@ class Stock(ErrorState):
     along_aim: ClassVar[bool] = True
     center: ClassVar[float] = 0.5
     spread: ClassVar[float] = 0.5
-    _SAME_FACE: ClassVar[float] = math.cos(math.radians(20))
-    """Numerical: cosine between approaches to one face; people and programs approach a face along its normal."""
 
     def columns(self, sensed: Sensed) -> Columns:
         """Return the approach directions of each face.
@@ -385,29 +392,149 @@ class Stock(ErrorState):
             sensed: the readings.
         """
         aims = sensed.aimed()
-        numbers, names = self._faces(sensed, aims)
-        members = (numbers[:, None] == np.arange(len(names))[None]).astype(np.float64)
-        return Columns(aims[:, :, None] * members[:, None, :], names)
-
-    def _faces(self, sensed: Sensed, aims: Vectors) -> tuple[IntArray, tuple[str, ...]]:
-        """Return the number of the face of each reading, -1 without an approach, and a name for each face."""
-        numbers, keys = np.full(len(aims), -1), list[tuple[str, Vectors]]()
         if self.uniform:
-            return np.where(aims.any(axis=1), 0, -1), ("stock",)
-        for k in np.flatnonzero(aims.any(axis=1)):
-            label = sensed.labels[k]
-            same = [m for m, (text, aim) in enumerate(keys)
-                    if (text == label if label or text else float(aim @ aims[k]) > self._SAME_FACE)]  # fmt: skip
-            if not same:
-                keys.append((label, aims[k]))
-            numbers[k] = same[0] if same else len(keys) - 1
-        names = tuple(f"stock on the face approached along ({', '.join(f'{v:.2f}' for v in aim)})" for _, aim in keys)
-        return numbers, names
+            return Columns(aims[:, :, None], ("stock",))
+        return _columns_of_faces(aims, *faces_of(sensed, self.sd), "stock")
+
+
+@dataclass(frozen=True, slots=True)
+class FaceOffset(ErrorState):
+    """Offset of each face of the made part from its CAD [m], which all readings of the face share.
+
+    See :func:`made_surface`. The faces of readings without an approach are unknown: these readings have a smooth field
+    of displacements instead, see :class:`Form`. Centres of round features have the offset as independent noise.
+    """
+
+    name: ClassVar[str] = "face offset"
+
+    def columns(self, sensed: Sensed) -> Columns:
+        """Return the approach directions of each face, and the field at readings without one.
+
+        Args:
+            sensed: the readings.
+        """
+        numbers, aims = faces_of(sensed, self.sd)
+        of_faces = _columns_of_faces(sensed.aimed(), numbers, aims, "offset")
+        bare = sensed.hit & sensed.on_surface & ~sensed.aims.given
+        field = _field(sensed.points, np.flatnonzero(bare), self.sd, None)
+        alone = self.sd**2 * ((numbers < 0) & ~bare)[:, None, None] * np.eye(3)
+        covs = alone if field.covs is None else alone + field.covs
+        return Columns(
+            np.concatenate([of_faces.points, field.points], axis=2), (*of_faces.names, *field.names), covs=covs
+        )
+
+
+WITHIN_FACE = 1 / 3
+"""Standard deviation of a surface within one face, over that of the face as a whole: ISO 2768 pairs each class of sizes
+with flatness of a third of it (63 to 100 mm: class f, 0.3 mm, with H, 0.1 mm; class m, 0.6 mm, with K, 0.2 mm)."""
+
+
+def made_surface(sd: float) -> tuple[tuple[ErrorState, ...], float]:
+    """Return the error states of a made part's surface, and the standard deviation that each point has alone [m].
+
+    Each face deviates from its CAD as a whole (:class:`FaceOffset`), so that many touches do not average its deviation,
+    and by :data:`WITHIN_FACE` of that within itself.
+
+    Args:
+        sd: standard deviation of the surface from its CAD [m]; 0 for an exact part.
+    """
+    return ((FaceOffset(sd),) if sd > 0 else ()), sd * WITHIN_FACE
+
+
+_MOST_FACES = 64
+"""Numerical: largest number of faces with their own state; further readings count alone."""
+
+_SAME_FACE = math.radians(20)
+"""Numerical: largest angle between approaches to one face; people and programs approach a face along its normal."""
+
+_SDS = 3.0
+"""Numerical: distance from the plane of a face up to which a reading belongs to it [standard deviations]."""
+
+
+def faces_of(sensed: Sensed, sd: float) -> tuple[IntArray, Vectors]:
+    """Return the number of the face of each reading, -1 for none, and an approach to each face ``(f, 3)``.
+
+    Readings with one label belong to one face. Others do if their approaches are within 20 degrees of each other, and
+    if they lie on one plane: in the order of the readings, each joins the face whose plane predicts it best, or begins
+    a new one. Later readings never change the faces of earlier ones.
+
+    Args:
+        sensed: the readings.
+        sd: standard deviation of the offset of a face [m].
+    """
+    aims = sensed.aimed()
+    numbers, faces = np.full(len(aims), -1), list[_Face]()
+    for k in np.flatnonzero(aims.any(axis=1) & sensed.on_surface):
+        gaps = [one.gap(sensed.labels[k], aims[k], sensed.points[k]) for one in faces]
+        best = int(np.argmin(gaps)) if gaps else -1
+        if not gaps or gaps[best] > _SDS:
+            if len(faces) == _MOST_FACES:
+                continue
+            best = len(faces)
+            faces.append(_Face(sensed.labels[k], aims[k], sensed.points[k]))
+        variance = (WITHIN_FACE * sd) ** 2 + sensed.sds[k] ** 2
+        faces[best].add(sensed.points[k], variance)
+        numbers[k] = best
+    return numbers, np.array([one.aim for one in faces]).reshape(-1, 3)
+
+
+class _Face:
+    """Plane through readings of one face: linear regression of their heights along the first approach."""
+
+    def __init__(self, label: str, aim: Vectors, point: Vectors) -> None:
+        self.label, self.aim, self._origin = label, aim, point
+        self._axes = SO3.frame_from_axis(aim, 2)
+        self._information = np.diag([0.0, *np.full(2, np.tan(_SAME_FACE / _SDS) ** -2)])
+        self._vector = np.zeros(3)
+        self._variance = 0.0
+        self._covariance = np.zeros((3, 3))
+
+    def gap(self, label: str, aim: Vectors, point: Vectors) -> float:
+        """Return the distance of a reading from the plane [standard deviations]; infinite for another face."""
+        if label or self.label:
+            return 0.0 if label == self.label else np.inf
+        if aim @ self.aim < np.cos(_SAME_FACE):
+            return np.inf
+        row, height = self._row(point)
+        predicted = row @ self._covariance
+        return float(abs(height - predicted @ self._vector) / np.sqrt(predicted @ row + self._variance))
+
+    def add(self, point: Vectors, variance: float) -> None:
+        """Add a reading with the variance of its height about the plane [m^2]."""
+        row, height = self._row(point)
+        self._information += np.outer(row, row) / variance
+        self._vector += row * height / variance
+        self._covariance = np.linalg.inv(self._information)
+        self._variance = variance
+
+    def _row(self, point: Vectors) -> tuple[Vectors, float]:
+        x, y, z = self._axes.T @ (point - self._origin)
+        return np.array([1.0, x, y]), float(z)
+
+
+def _columns_of_faces(aims: Vectors, numbers: IntArray, of_faces: Vectors, what: str) -> Columns:
+    """Return the columns of one state for each face."""
+    members = (numbers[:, None] == np.arange(len(of_faces))[None]).astype(np.float64)
+    names = tuple(f"{what} of the face approached along ({', '.join(f'{v:.2f}' for v in aim)})" for aim in of_faces)
+    return Columns(aims[:, :, None] * members[:, None, :], names)
 
 
 ERROR_STATES: dict[str, type[ErrorState]] = {
     one.name: one
-    for one in (Offset, OffsetByAxes, Backlash, Lobes, OffsetByGroup, Scale, Drift, TriggerDrift, Form, Fan, Stock)
+    for one in (
+        Offset,
+        OffsetByAxes,
+        Backlash,
+        Lobes,
+        OffsetByGroup,
+        Scale,
+        Drift,
+        TriggerDrift,
+        Form,
+        Fan,
+        Stock,
+        FaceOffset,
+    )
 }
 """Errors by name."""
 

@@ -53,6 +53,11 @@ class ReadingKind:
         """Whether a reading is where faces of the part meet."""
         return self.feature is not None and self.feature.faces > 1
 
+    @property
+    def is_of_one_face(self) -> bool:
+        """Whether a reading is a point of one face of the part."""
+        return not self.is_centre and not self.is_between_faces
+
 
 _POINT = "the centre of a sphere or the apex of a cone ({})."
 _CENTRES = (

@@ -22,6 +22,7 @@ from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Vectors
 from tanteo.sensors.columns import Column
 from tanteo.sensors.devices import Device, Placed, find_devices, place
 from tanteo.sensors.error_states import MOST_STATES, ErrorState, Offset, Sensed, unstated_errors
+from tanteo.sensors.kinds import reading_kind
 from tanteo.sensors.measurements import BeamCones, FreeBeams, PointMeasurements
 from tanteo.sensors.noise import beam_cov
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_preset, sensor_preset
@@ -99,8 +100,9 @@ def measure(
     errors = (*(() if bias_sd is None else (Offset(bias_sd),)), *shared_errors)
     units = np.unique([device.unit for device in devices], return_inverse=True)[1][numbers]
     sensed = Sensed(
-        points, aims, hit, placed.directions, readings.groups, readings.features, placed.T_world_units, units
-    )
+        points, aims, hit, placed.directions, readings.groups, readings.features, placed.T_world_units, units, sds,
+        np.array([reading_kind(kind).is_of_one_face for kind in readings.kinds], dtype=np.bool_),
+    )  # fmt: skip
     noise = float(np.sqrt(np.median(np.trace(covs[hit], axis1=1, axis2=2)) / 3)) if hit.any() else 0.0
     unstated = unstated_errors(sensed, noise, errors, machine=robot is not None)
     for error in errors:

@@ -44,21 +44,19 @@ def budget_of(wedge, readings, hypothesis, prior=None, **options):
 
 
 def dense(contacts, sensed):
-    """Rows of the used readings, their covariance, and that which the estimator's weights assume, written out."""
+    """Rows of the used readings and their covariance, written out."""
     used = contacts.used[contacts.reading]
     V = np.diag((contacts.noise + contacts.repeatability)[used])
     for error, gain in zip(sensed.measured.shared, contacts.shared_jacobian, strict=True):
         V += gain[used] @ error.covariance @ gain[used].T
-    form = sensed.tolerance * contacts.form[used]
-    return contacts.rows[used], V + form @ form.T, V + sensed.tolerance**2 * np.eye(len(V))
+    return contacts.rows[used], V + sensed.tolerance**2 * np.diag(contacts.is_distance[used])
 
 
 def test_it_is_the_covariance_of_weighted_least_squares(wedge, scene):
     readings, options, h = scene
     budget, contacts, sensed = budget_of(wedge, readings, h, **options)
-    H, V, assumed = dense(contacts, sensed)
-    G = np.linalg.solve(H.T @ np.linalg.solve(assumed, H), np.linalg.solve(assumed, H).T)
-    C = G @ V @ G.T
+    H, V = dense(contacts, sensed)
+    C = np.linalg.inv(H.T @ np.linalg.solve(V, H))
     J = corner_moves(wedge)
     worst = np.sqrt(np.linalg.eigvalsh(J @ C @ np.swapaxes(J, 1, 2)).max())
     assert budget.total == pytest.approx(worst, rel=1e-9)
@@ -71,7 +69,7 @@ def test_sources_have_names_and_the_largest_comes_first(wedge, scene):
     budget, _, _ = budget_of(wedge, readings, h, **options)
     assert {s.name for s in budget.sources} == {
         "noise of the sensor", "repeatability of the robot", "robot base (shared)", "tip offset (shared)",
-        "tolerance of the part",
+        "form of the part",
     }  # fmt: skip
     assert [s.share for s in budget.sources] == sorted((s.share for s in budget.sources), reverse=True)
 
@@ -84,9 +82,7 @@ def test_without_a_source_is_as_if_it_was_never_there(wedge, scene):
     # the contacts use the shared errors to place the readings, which moves nothing of the rows
     assert left["tip offset (shared)"] == pytest.approx(budget_of(wedge, readings, h, **no_tip)[0].total, rel=1e-6)
     no_tolerance = options | {"tolerance": 0.0}
-    assert left["tolerance of the part"] == pytest.approx(
-        budget_of(wedge, readings, h, **no_tolerance)[0].total, rel=1e-6
-    )
+    assert left["form of the part"] == pytest.approx(budget_of(wedge, readings, h, **no_tolerance)[0].total, rel=1e-6)
     assert all(s.without <= budget.total * (1 + 1e-9) for s in budget.sources if np.isfinite(s.without))
 
 

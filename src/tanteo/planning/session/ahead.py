@@ -16,7 +16,7 @@ from tanteo.planning.shared import SharedAhead
 from tanteo.planning.state import SensingState
 from tanteo.posterior import dominant_shared_error
 from tanteo.posterior.fit_at_mode import goodness_of_fit
-from tanteo.sensors import Column, PointMeasurements, Readings
+from tanteo.sensors import Column, PointMeasurements, Readings, concatenate
 from tanteo.words.findings import SharedErrorLimits
 
 _TURNED, _STILL = 0.3, 0.1
@@ -44,16 +44,19 @@ def shared_of(sensing: Sensing, probe: Probe, readings: Readings | None, state: 
     measured = measured_by(sensing, probe, readings)
     if not measured.shared or not len(measured):
         return None
-    columns = _columns(measured)
+    columns, effect = _columns(measured), _effect(measured)
 
     def ahead(candidates: Candidates) -> SharedAhead | None:
         made = _as_readings(candidates, readings, measured, probe)
         try:
-            as_made = measured_by(sensing, probe, made)
+            joint = measured_by(sensing, probe, concatenate([readings, made]))
         except ReadingsError:  # the probe allows a range that the sensor does not
             return None
-        which = np.concatenate([columns.get(e.name, np.full(len(e.covariance), -1)) for e in as_made.shared])
-        return SharedAhead.of(state, as_made.stacked()[0] @ shared_root(as_made.shared), which.astype(np.int64))
+        whole, which = _effect(joint), np.full(sum(len(e.covariance) for e in joint.shared), -1)
+        for name, own in _columns(joint).items():
+            before = columns.get(name, np.zeros(0, dtype=np.int64))
+            which[own] = before if len(before) == len(own) else _same_columns(effect, whole[: len(measured), :, own])
+        return SharedAhead.of(state, whole[len(measured) :], which)
 
     return ahead
 
@@ -88,6 +91,17 @@ def _columns(measured: PointMeasurements) -> dict[str, IntArray]:
     """Return the columns of the posterior's shared errors by name."""
     ends = np.cumsum([0, *(len(error.covariance) for error in measured.shared)])
     return {e.name: np.arange(a, b) for e, a, b in zip(measured.shared, ends[:-1], ends[1:], strict=True)}
+
+
+def _effect(measured: PointMeasurements) -> FloatArray:
+    """Return the derivative of all points by the whitened shared errors ``(n, 3, D)`` [m]."""
+    return measured.stacked()[0] @ shared_root(measured.shared)
+
+
+def _same_columns(before: FloatArray, now: FloatArray) -> IntArray:
+    """Return the column of ``before`` that equals each column of ``now``; -1 for errors without earlier readings."""
+    matching = np.all(np.abs(now[..., None] - before[:, :, None, :]) < 1e-12, axis=(0, 1))
+    return np.where(matching.any(axis=1) & now.any(axis=(0, 1)), matching.argmax(axis=1), -1)
 
 
 def _as_readings(c: Candidates, readings: Readings, measured: PointMeasurements, probe: Probe) -> Readings:

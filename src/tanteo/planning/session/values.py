@@ -13,7 +13,7 @@ from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.planning.probe import Probe
 from tanteo.planning.session.action import Action
 from tanteo.sensors import PointMeasurements, Readings, Rig, measure
-from tanteo.sensors.error_states import ErrorState
+from tanteo.sensors.error_states import ErrorState, made_surface
 from tanteo.sensors.presets import RobotPreset, SensorPreset
 from tanteo.values import Value, lock
 from tanteo.words import Finding, message_of
@@ -30,7 +30,8 @@ class Sensing(Value):
             beam follows from its width; across a touch it has the same value.
         tip_sd: standard deviations of the error of the tip's offset, in the hand's frame ``(3,)`` [m].
         rig: mounting of the range sensors on the hand.
-        tolerance: standard deviation of the real surface from the CAD surface [m].
+        tolerance: standard deviation of the real surface from the CAD surface [m], mostly common to a face; see
+            :func:`tanteo.sensors.error_states.made_surface`.
         bias_sd: standard deviation of an error along the approach that all readings share, such as that of the ball's
             radius or of the trigger point [m].
         shared_errors: further errors that readings share; see :mod:`tanteo.sensors.error_states`.
@@ -66,7 +67,7 @@ class Sensing(Value):
         """
         return measure(
             readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd,
-            bias_sd=self.bias_sd, shared_errors=self.shared_errors, rig=self.rig,
+            bias_sd=self.bias_sd, shared_errors=(*self.shared_errors, *made_surface(self.tolerance)[0]), rig=self.rig,
             beam_half_angle=beam_half_angle,
         )  # fmt: skip
 
@@ -82,8 +83,9 @@ class Sensing(Value):
         """
         beam = None if probe is None or probe.contact else probe
         measured = self.measured(readings, np.nan if beam is None else beam.beam_half_angle)
-        touches = as_contact_points(measured, self.tolerance, readings.ranges.take(measured.rows)).with_places()
-        free = as_free_rays(measured, self.tolerance)
+        own_sd = made_surface(self.tolerance)[1]
+        touches = as_contact_points(measured, own_sd, readings.ranges.take(measured.rows)).with_places()
+        free = as_free_rays(measured, own_sd)
         return touches, free if beam is None else free.up_to(beam.max_incidence)
 
 

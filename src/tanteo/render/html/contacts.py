@@ -14,11 +14,12 @@ import numpy as np
 from tanteo.features import shared_root
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
-from tanteo.parts import NamedFace, Part, Surface, named_class, named_feature, signed_distance
+from tanteo.parts import Part, Surface, named_feature, signed_distance
 from tanteo.parts.faces import exact_faces
 from tanteo.planning import Sensing
 from tanteo.posterior import Hypothesis, PosePrior
 from tanteo.sensors import Column, PointMeasurements, Readings
+from tanteo.sensors.error_states import made_surface
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +31,7 @@ class Sensed:
         measured: points with covariance and shared errors, and free-space rays.
         repeatability: covariance of ``measured.covs`` that comes from the robot ``(n, 3, 3)`` [m^2].
         reach: length of the beam or motion before each point ``(n,)`` [m].
-        tolerance: standard deviation of the real surface from the CAD [m].
+        tolerance: standard deviation of the real surface within a face [m]; offsets of faces are shared errors.
         prior: prior of the pose; None without one.
     """
 
@@ -58,7 +59,8 @@ def gather(readings: Readings, sensing: Sensing | None = None, prior: PosePrior 
     measured = sensing.measured(readings)
     alone = measured if sensing.robot is None else replace(sensing, robot=None).measured(readings)
     reach = readings.ranges.take(measured.rows)
-    return Sensed(readings.source, measured, measured.covs - alone.covs, reach, sensing.tolerance, prior)
+    own_sd = made_surface(sensing.tolerance)[1]
+    return Sensed(readings.source, measured, measured.covs - alone.covs, reach, own_sd, prior)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,9 +78,7 @@ class Contacts:
         noise: variance of each row from the sensor ``(m,)``.
         repeatability: variance of each row from the robot's repeatability ``(m,)``.
         shared_jacobian: Jacobian over each shared error ``(m, d)``.
-        form: Jacobian over deviations of the real part: offset of a face, edge or corner, and tilts of labelled ones,
-            in units of the tolerance ``(m, k)``.
-        labelled: whether the labels were used; otherwise every reading was compared with the whole surface.
+        is_distance: flags of the rows that are distances and not tilts ``(m,)``.
     """
 
     faces: tuple[str, ...]
@@ -91,8 +91,7 @@ class Contacts:
     noise: FloatArray
     repeatability: FloatArray
     shared_jacobian: tuple[FloatArray, ...]
-    form: FloatArray
-    labelled: bool
+    is_distance: BoolArray
 
 
 def find_contacts(sensed: Sensed, part: Part, hypothesis: Hypothesis) -> Contacts:
@@ -136,8 +135,7 @@ def find_contacts(sensed: Sensed, part: Part, hypothesis: Hypothesis) -> Contact
         noise=np.concatenate([noise, tilts[2]]),
         repeatability=np.concatenate([repeatability, np.zeros(len(tilts[0]))]),
         shared_jacobian=tuple(np.concatenate([g, np.zeros((len(tilts[0]), g.shape[1]))]) for g in shared_jacobian),
-        labelled=any((one := named_class(name)) is not None and one.is_labelled for name in paired.values()),
-        form=np.pad(_form(part, q, faces, reading, slot), ((0, len(tilts[0])), (0, 0))),
+        is_distance=np.arange(len(reading) + len(tilts[0])) < len(reading),
     )
 
 
@@ -157,17 +155,6 @@ def _targets(part: Part, q: Vectors, names: list[str]) -> tuple[list[str], Vecto
         if feature is not None and (found := feature.nearest(q[i])) is not None:
             feet[i], axes[i, : len(found[1])] = found
     return faces, feet, axes
-
-
-def _form(part: Part, q: Vectors, faces: list[str], reading: IntArray, slot: IntArray) -> FloatArray:
-    """Return the Jacobian over deviations of the real part ``(m, k)``: surfaces deviate as a whole."""
-    columns, names = [np.zeros((len(reading), 0))], np.array([faces[i] for i in reading], dtype=object)
-    for name in dict.fromkeys(faces):
-        rows, feature = np.flatnonzero(names == name), named_feature(part, name)
-        block = np.zeros((len(reading), 4))
-        block[rows] = (feature or NamedFace(part, 0)).form(q[reading[rows]], slot[rows])
-        columns.append(block[:, np.any(block != 0, axis=0)])
-    return np.concatenate(columns, axis=1)
 
 
 def _along(d: Vectors, covs: FloatArray) -> FloatArray:

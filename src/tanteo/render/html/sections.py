@@ -104,7 +104,7 @@ def directions_of(candidate: Candidate, sensed: Sensed) -> tuple[Direction, ...]
         sensed: readings of the answer.
     """
     contacts, part = candidate.contacts, candidate.part
-    form = 0.0 if contacts.labelled else sensed.tolerance**2 * np.any(contacts.form != 0, axis=1)
+    form = sensed.tolerance**2 * contacts.is_distance
     weights = contacts.used[contacts.reading] / (contacts.noise + contacts.repeatability + form)
     known = prior_rows(sensed.prior, part, candidate.hypothesis.T_world_part[None])[1][0]
     out = []

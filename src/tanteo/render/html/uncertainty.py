@@ -16,6 +16,7 @@ from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transform
 from tanteo.parts import Part
 from tanteo.posterior.answers import corner_moves, part_scale, prior_rows, symmetry_motions
 from tanteo.render.html.contacts import Contacts, Sensed
+from tanteo.sensors.error_states import FaceOffset
 
 _KNOWN = 0.3
 """Standard deviation above which a direction counts as unobserved, as a fraction of the part's size or in rad."""
@@ -69,12 +70,12 @@ def make_budget(
     used = contacts.used[contacts.reading]
     known = prior_rows(sensed.prior, part, T_world_part[None])[1][0]
     H, terms = np.concatenate([contacts.rows[used], known]), _terms(contacts, sensed, used, len(known), noise_scale)
-    basis = _observed(H, _assumed(terms).own, part)
+    basis = _observed(H, _together(terms).own, part)
     if not basis.shape[1]:
         return None
     J, total = _worst_corner(part, _covariance(H, basis, terms))
-    G = basis @ _estimator(H @ basis, _assumed(terms))
-    sds = {name: float(np.sqrt(J @ _sandwich(G, term.real) @ J)) for name, term in terms.items()}
+    G = basis @ _estimator(H @ basis, _together(terms))
+    sds = {name: float(np.sqrt(J @ _sandwich(G, term) @ J)) for name, term in terms.items()}
     found = [
         Source(name, _kind(name, noise_scale), (sd / total) ** 2, sd, _left(H, basis, terms, name, part))
         for name, sd in sds.items()
@@ -83,6 +84,7 @@ def make_budget(
 
 
 _SENSOR, _ROBOT, _SCALE = "noise of the sensor", "repeatability of the robot", "noise scale: scatter beyond the stated"
+_FORM = "form of the part"
 
 
 def _kind(name: str, noise_scale: float) -> str:
@@ -98,23 +100,14 @@ class _Spread:
     common: FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Term:
-    """Covariance of a source, and the one that the weights of the estimator assume."""
-
-    real: _Spread
-    assumed: _Spread
-
-
-def _terms(contacts: Contacts, sensed: Sensed, used: BoolArray, known: int, noise_scale: float) -> dict[str, _Term]:
+def _terms(contacts: Contacts, sensed: Sensed, used: BoolArray, known: int, noise_scale: float) -> dict[str, _Spread]:
     """Return every source on the rows of the readings, followed by the rows of the prior."""
     m = int(used.sum())
 
-    def term(own: FloatArray | None = None, common: FloatArray | None = None) -> _Term:
+    def term(own: FloatArray | None = None, common: FloatArray | None = None) -> _Spread:
         none = np.zeros((m, 0))
         factor = np.pad(none if common is None else common, ((0, known), (0, 0)))
-        spread = _Spread(np.pad(np.zeros(m) if own is None else own, (0, known)), factor)
-        return _Term(spread, spread)
+        return _Spread(np.pad(np.zeros(m) if own is None else own, (0, known)), factor)
 
     stated = min(noise_scale, 1.0) ** 2
     out = {_SENSOR: term(stated * contacts.noise[used])}
@@ -123,22 +116,18 @@ def _terms(contacts: Contacts, sensed: Sensed, used: BoolArray, known: int, nois
     if noise_scale > 1:
         out[_SCALE] = term((noise_scale**2 - 1) * (contacts.noise + contacts.repeatability)[used])
     for error, gain in zip(sensed.measured.shared, contacts.shared_jacobian, strict=True):
-        out[f"{error.name} (shared)"] = term(common=gain[used] @ shared_root([error]))
-    if sensed.tolerance > 0:
-        alone = term(np.where(np.any(contacts.form[used] != 0, axis=1), sensed.tolerance**2, 0.0))
-        whole = term(alone.real.own[:m] * contacts.labelled, sensed.tolerance * contacts.form[used])
-        # the weights of unlabelled readings assume independent deviations; those of a whole face are added afterwards
-        out["tolerance of the part"] = _Term(whole.real, (whole if contacts.labelled else alone).assumed)
+        of_form = error.name == FaceOffset.name
+        own = sensed.tolerance**2 * contacts.is_distance[used] if of_form else None
+        out[_FORM if of_form else f"{error.name} (shared)"] = term(own, gain[used] @ shared_root([error]))
     if known:
-        beforehand = _Spread(np.r_[np.zeros(m), np.ones(known)], np.zeros((m + known, 0)))
-        out["prior"] = _Term(beforehand, beforehand)
+        out["prior"] = _Spread(np.r_[np.zeros(m), np.ones(known)], np.zeros((m + known, 0)))
     return out
 
 
-def _assumed(terms: Mapping[str, _Term]) -> _Spread:
-    """Return the total covariance that the weights of the estimator assume."""
-    own = np.sum([term.assumed.own for term in terms.values()], axis=0)
-    return _Spread(own, np.concatenate([term.assumed.common for term in terms.values()], axis=1))
+def _together(terms: Mapping[str, _Spread]) -> _Spread:
+    """Return the sum of the sources."""
+    own = np.sum([term.own for term in terms.values()], axis=0)
+    return _Spread(own, np.concatenate([term.common for term in terms.values()], axis=1))
 
 
 def _observed(H: FloatArray, variances: FloatArray, part: Part) -> FloatArray:
@@ -165,17 +154,17 @@ def _sandwich(G: FloatArray, spread: _Spread) -> FloatArray:
     return np.asarray((G * spread.own) @ G.T + shared @ shared.T)
 
 
-def _covariance(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Term]) -> Covariances:
+def _covariance(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Spread]) -> Covariances:
     """Return the covariance of the pose along the observed motions."""
-    G = basis @ _estimator(H @ basis, _assumed(terms))
-    return np.sum([_sandwich(G, term.real) for term in terms.values()], axis=0)
+    G = basis @ _estimator(H @ basis, _together(terms))
+    return np.sum([_sandwich(G, term) for term in terms.values()], axis=0)
 
 
-def _left(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Term], name: str, part: Part) -> float:
+def _left(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Spread], name: str, part: Part) -> float:
     """Return the largest corner sd without one source; NaN if a row has no noise then."""
     gone = (name, _SCALE) if name == _SENSOR else (name,)  # the noise scale multiplies this noise
     rest = {other: term for other, term in terms.items() if other not in gone}
-    if not rest or not np.all(_assumed(rest).own > 0):
+    if not rest or not np.all(_together(rest).own > 0):
         return float("nan")
     return _worst_corner(part, _covariance(H, basis, rest))[1]
 

@@ -132,8 +132,8 @@ from tanteo.words.findings.plans import (
     PlanResult,
     PriorTooWide,
     ReadingDiscriminates,
-    RobotErrorLimits,
     StartTooClose,
+    SystematicErrorLimits,
 )
 from tanteo.words.findings.reasons import (
     REASONS,
@@ -342,7 +342,6 @@ __all__ = [
     "RepeatedPlaces",
     "RimNotSeen",
     "RimSensed",
-    "RobotErrorLimits",
     "Role",
     "Rule321",
     "ScaleQuestion",
@@ -366,6 +365,7 @@ __all__ = [
     "SurfaceEnded",
     "SurfaceLost",
     "SurroundingsScanned",
+    "SystematicErrorLimits",
     "ThinnedReadings",
     "TimedOut",
     "TooCoarse",

@@ -66,18 +66,20 @@ class PlanResult(Finding):
 
 
 @dataclass(frozen=True, slots=True)
-class RobotErrorLimits(Finding):
-    """The absolute error of the robot is too large for any number of readings.
+class SystematicErrorLimits(Finding):
+    """The errors that no number of readings averages out are too large: of the robot, and of the made part's faces.
 
     Attributes:
         goal: goal of the plan.
-        sd: standard deviation that the error of the robot alone causes [m].
+        sd: standard deviation that these errors alone cause [m].
+        form_sd: standard deviation of the made part's surface from its CAD [m]; 0 for an exact part.
     """
 
-    kind: ClassVar[str] = "robot_error_limits"
+    kind: ClassVar[str] = "systematic_error_limits"
     role: ClassVar[Role] = "verdict"
     goal: PlanGoal
     sd: float
+    form_sd: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

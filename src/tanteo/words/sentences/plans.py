@@ -55,12 +55,16 @@ def _(one: f.PlanResult) -> Words:
 
 
 @words_of.register
-def _(one: f.RobotErrorLimits) -> Words:
+def _(one: f.SystematicErrorLimits) -> Words:
     what = one.goal.feature or "the worst corner"
+    source = "the robot's own error" if not one.form_sd else f"the form error of {millimetres(one.form_sd)}"
+    advice = "Calibrate the robot, or sense relative to an object whose place matters."
+    if one.form_sd:
+        advice = "Allow a larger goal, touch machined faces only, or state a smaller --form-sd if the part has one."
     return (
-        f"No number of readings places {_aim(one.goal)}: the robot's own error moves {what} by "
-        f"{millimetres(one.sd)} (1 sd)."
-    ), "Calibrate the robot, or sense relative to an object whose place matters."
+        f"No number of readings places {_aim(one.goal)}: {source} moves {what} by {millimetres(one.sd)} (1 sd).",
+        advice,
+    )
 
 
 @words_of.register
