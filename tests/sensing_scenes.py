@@ -153,10 +153,10 @@ def sense_made(session, target, T, offsets, rng):
     return action
 
 
-def made_session(target, form_sd, rng, seed=0, **stop):
+def made_session(target, form_sd, rng, seed=0, sd=5e-5, **stop):
     """Return a session with a stylus on a made part, its pose and the offsets of its faces."""
     start = at_place([target], np.eye(4), np.diag(np.repeat([2e-3, 0.05], 3)) ** 2)
-    T, probe = drawn_truth(start, rng)[1], replace(STYLUS, max_range=0.06, form_sd=form_sd)
+    T, probe = drawn_truth(start, rng)[1], replace(STYLUS, law=NoiseLaw.of(sd), max_range=0.06, form_sd=form_sd)
     sensing = Sensing(sd=float(probe.law.const), tolerance=form_sd)
     session = Session(start, probe, sensing, stop=Stop(probability=None, **stop), seed=seed)
     return session, T, form_sd * rng.normal(size=len(target.part.faces))

@@ -23,7 +23,7 @@ from tanteo.planning.session.questions import action_of, answers, is_same, new_r
 from tanteo.planning.session.values import Done, Observation, Sensing, Step
 from tanteo.planning.session.worth import enough, once_more, worth_acquiring, worth_making
 from tanteo.planning.start import Start
-from tanteo.planning.state import SensingState, begin, update
+from tanteo.planning.state import SensingState, begin, confirmed, update
 from tanteo.planning.stopping import Stop
 from tanteo.planning.whole import Offers
 from tanteo.posterior import Answer, PosePrior
@@ -270,6 +270,7 @@ class Session(Value):
         if fresh is not None:
             joined = fresh if joined is None else concatenate([joined, fresh])
             state = update(state, *self.sensing.touches(joined, self.probe))
+            state = state if self.stop.reached(state) is None else confirmed(state)
         step = step_of(state, self.stop, observation)
         # all changes at once: an interrupt during the long work above leaves the session unchanged
         self._state, self._joined = state, joined

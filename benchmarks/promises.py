@@ -1,0 +1,94 @@
+"""Compare what sessions and plans promise with what they keep: ``python benchmarks/promises.py SUBJECT [scenes] [seed]``.
+
+Subjects:
+
+- ``cast``: sessions with a stylus of 0.05 mm on parts each face of which is displaced by 0.2 mm, to 0.5 mm.
+- ``exact``: sessions with a touch of 0.15 mm on exact parts, to 0.3 mm.
+- ``plans``: planned touches of the parts, made at placements from the prior and evaluated by ``locate``.
+
+``--processes`` and ``--keep`` work as in ``campaign.py``.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from campaign import options, run_cases
+from common import Table
+
+import tanteo
+from sensing_scenes import made_session, off, sense_made
+from tanteo.posterior import prepare
+
+PARTS = "block", "bracket_left", "housing", "t_slot", "wedge"
+CAST = {"form_sd": 2e-4, "sd": 5e-5, "tolerance": 5e-4}
+EXACT = {"form_sd": 0.0, "sd": 1.5e-4, "tolerance": 3e-4}
+MOST = 40
+
+
+@cache
+def target(name):
+    """Return a prepared example part."""
+    return prepare(tanteo.read_part(Path(__file__).parents[1] / "examples" / "parts" / f"{name}.step"))
+
+
+def session(name, seed, scene, kind):
+    """Run one session to its goal; return what it promised and whether it kept it."""
+    part, rng, begun = target(name), np.random.default_rng((seed, scene)), time.process_time()
+    setup = {"cast": CAST, "exact": EXACT}[kind]
+    one, T, offsets = made_session(part, rng=rng, seed=scene, max_measurements=MOST, **setup)
+    end = sense_made(one, part, T, offsets, rng)
+    error = off(one, 0, T)
+    return {
+        "told": one.steps[-1].within, "met": error <= setup["tolerance"], "reached": end.reached,
+        "readings": one.count, "seconds": time.process_time() - begun,
+    }  # fmt: skip
+
+
+def sessions(kind, scenes, seed, keep, processes):
+    """Return a table of sessions of one kind by part: promised and kept, for those that reached their goal."""
+    cases = [(PARTS[k % len(PARTS)], seed, k, kind) for k in range(scenes)]
+    done = list(zip(cases, run_cases(session, cases, keep, processes), strict=True))
+    rows = [_row(name, [row for case, row in done if case[0] == name]) for name in PARTS]
+    setup = {"cast": CAST, "exact": EXACT}[kind]
+    text = (
+        f"Touches of {1e3 * setup['sd']:g} mm, faces displaced by {1e3 * setup['form_sd']:g} mm (sd), goal "
+        f"{1e3 * setup['tolerance']:g} mm at 95 %, pose known to 2 mm and 0.05 rad, at most {MOST} readings; seed {seed}."
+    )
+    columns = "part", "reached", "median readings", "told", "met", "met - told [standard errors]", "seconds"
+    return Table(f"Sessions, {kind}", text, columns, [*rows, _row("all", [row for _, row in done])])
+
+
+def _row(name, rows):
+    ended = [row for row in rows if row["reached"]]
+    told, met = (np.array([row[key] for row in ended], dtype=float) for key in ("told", "met"))
+    error = np.sqrt(np.sum(told * (1 - told)))
+    away = f"{(met.sum() - told.sum()) / error:+.1f}" if len(ended) else "-"
+    return (
+        name, f"{len(ended)}/{len(rows)}", f"{np.median([row['readings'] for row in rows]):.0f}",
+        f"{told.mean():.3f}" if len(ended) else "-", f"{met.sum():.0f}/{len(ended)}", away,
+        f"{np.mean([row['seconds'] for row in rows]):.1f}",
+    )  # fmt: skip
+
+
+def main():
+    arguments, keep, processes = options(sys.argv[1:])
+    subject = arguments[0] if arguments else "cast"
+    scenes = int(arguments[1]) if len(arguments) > 1 else 60
+    seed = int(arguments[2]) if len(arguments) > 2 else 1991
+    many = scenes, seed, keep, processes
+    subjects = {"cast": lambda: sessions("cast", *many), "exact": lambda: sessions("exact", *many)}
+    if subject not in subjects:
+        sys.exit(f"subject: expected one of {', '.join(subjects)}, got {subject}.")
+    print(subjects[subject]().markdown())
+
+
+if __name__ == "__main__":
+    main()
