@@ -1,4 +1,6 @@
-"""Compare what sessions and plans promise with what they keep: ``python benchmarks/promises.py SUBJECT [scenes] [seed]``.
+"""Compare what sessions and plans promise with what they keep.
+
+``python benchmarks/promises.py SUBJECT [scenes] [seed]``
 
 Subjects:
 
@@ -24,13 +26,19 @@ from campaign import options, run_cases
 from common import Table
 
 import tanteo
-from sensing_scenes import made_session, off, sense_made
+from sensing_scenes import carried_out, made_session, off, sense_made
+from tanteo.geometry import SE3
+from tanteo.planning import Probe, plan
+from tanteo.planning.start import at_pose
 from tanteo.posterior import prepare
+from tanteo.sensors.presets import NoiseLaw
 
 PARTS = "block", "bracket_left", "housing", "t_slot", "wedge"
 CAST = {"form_sd": 2e-4, "sd": 5e-5, "tolerance": 5e-4}
 EXACT = {"form_sd": 0.0, "sd": 1.5e-4, "tolerance": 3e-4}
+PLANNED = 4e-4
 MOST = 40
+COLUMNS = "part", "reached", "median readings", "told", "met", "met - told [standard errors]", "seconds"
 
 
 @cache
@@ -60,10 +68,43 @@ def sessions(kind, scenes, seed, keep, processes):
     setup = {"cast": CAST, "exact": EXACT}[kind]
     text = (
         f"Touches of {1e3 * setup['sd']:g} mm, faces displaced by {1e3 * setup['form_sd']:g} mm (sd), goal "
-        f"{1e3 * setup['tolerance']:g} mm at 95 %, pose known to 2 mm and 0.05 rad, at most {MOST} readings; seed {seed}."
+        f"{1e3 * setup['tolerance']:g} mm at 95 %, pose known to 2 mm and 0.05 rad, at most {MOST} readings; "
+        f"seed {seed}."
     )
-    columns = "part", "reached", "median readings", "told", "met", "met - told [standard errors]", "seconds"
-    return Table(f"Sessions, {kind}", text, columns, [*rows, _row("all", [row for _, row in done])])
+    return Table(f"Sessions, {kind}", text, COLUMNS, [*rows, _row("all", [row for _, row in done])])
+
+
+@cache
+def planned(name):
+    """Return the start, the sensor and the plan of a part."""
+    part = target(name)
+    J = SE3.adjoint(SE3.from_parts(np.eye(3), part.part.centroid))
+    start = at_pose(part, np.eye(4), J @ np.diag(np.repeat([3e-3, np.radians(2)], 3) ** 2) @ J.T)
+    probe = Probe("touch", NoiseLaw.of(EXACT["sd"]), contact=True, standoff=0.03)
+    return start, plan(start, probe, PLANNED)
+
+
+def placement(name, seed, scene):
+    """Make the touches of a plan at one placement, and locate the part by them."""
+    start, found = planned(name)
+    begun = time.process_time()
+    error = carried_out(found, target(name), start, EXACT["sd"], np.random.default_rng((seed, scene)))
+    return {
+        "told": found.readings[-1].within, "met": error <= PLANNED, "reached": found.reached,
+        "readings": len(found.readings), "seconds": time.process_time() - begun,
+    }  # fmt: skip
+
+
+def plans(scenes, seed, keep, processes):
+    """Return a table of planned touches at placements from the prior: promised and kept."""
+    cases = [(PARTS[k % len(PARTS)], seed, k) for k in range(scenes)]
+    done = list(zip(cases, run_cases(placement, cases, keep, processes), strict=True))
+    rows = [_row(name, [row for case, row in done if case[0] == name]) for name in PARTS]
+    text = (
+        f"Touches of {1e3 * EXACT['sd']:g} mm, goal {1e3 * PLANNED:g} mm at 95 %, prior of 3 mm and 2 degrees about "
+        f"the centroid; located by tanteo.locate with this prior; seed {seed}."
+    )
+    return Table("Plans", text, COLUMNS, [*rows, _row("all", [row for _, row in done])])
 
 
 def _row(name, rows):
@@ -84,7 +125,10 @@ def main():
     scenes = int(arguments[1]) if len(arguments) > 1 else 60
     seed = int(arguments[2]) if len(arguments) > 2 else 1991
     many = scenes, seed, keep, processes
-    subjects = {"cast": lambda: sessions("cast", *many), "exact": lambda: sessions("exact", *many)}
+    subjects = {
+        "cast": lambda: sessions("cast", *many), "exact": lambda: sessions("exact", *many),
+        "plans": lambda: plans(*many),
+    }  # fmt: skip
     if subject not in subjects:
         sys.exit(f"subject: expected one of {', '.join(subjects)}, got {subject}.")
     print(subjects[subject]().markdown())

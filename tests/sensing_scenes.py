@@ -7,14 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tanteo import _core
+from tanteo import _core, locate
 from tanteo.errors import InputError
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
 from tanteo.planning import Action, Done, Probe, Sensing, SensingState, Session, Stop, at_place
+from tanteo.planning.places import places_of
 from tanteo.planning.policies import policy_named
 from tanteo.planning.stopping import corner_distances
-from tanteo.posterior import Posterior, Priors, Problem
+from tanteo.posterior import PosePrior, Posterior, Priors, Problem
 from tanteo.posterior.answers import corner_moves
 from tanteo.posterior.details import details_at
 from tanteo.posterior.near_variants import log_density_of_near_variant
@@ -160,6 +161,26 @@ def made_session(target, form_sd, rng, seed=0, sd=5e-5, **stop):
     sensing = Sensing(sd=float(probe.law.const), tolerance=form_sd)
     session = Session(start, probe, sensing, stop=Stop(probability=None, **stop), seed=seed)
     return session, T, form_sd * rng.normal(size=len(target.part.faces))
+
+
+def carried_out(found, target, start, sd, rng):
+    """Return the largest error of a place after a plan whose readings go to ``locate`` without feedback."""
+    T = start.Ts[0] @ SE3.exp(np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=6))
+    origins, directions = of_plan(found)
+    ranges = beam_hits(target, T[None], origins, directions)[0][:, 0]
+    on_face = np.isfinite(ranges)
+    ranges = ranges[on_face] + sd * rng.normal(size=int(on_face.sum()))
+    readings = Readings.from_columns(
+        origins[on_face] + ranges[:, None] * directions[on_face],
+        directions=directions[on_face],
+        sds=np.full(on_face.sum(), sd),
+    )
+    answer = locate(readings, target.part, priors=Priors(pose=PosePrior(start.Ts[0], start.covariances[0])))
+    if not answer.hypotheses:
+        return np.inf
+    places, gap = places_of(target.part, found.feature), SE3.inverse(T) @ answer.hypotheses[0].T_world_part
+    moved = SE3.apply(gap, places.points) - places.points
+    return float(np.linalg.norm(np.einsum("kij,kj->ki", places.across, moved), axis=1).max())
 
 
 def new_session(start, probe=LASER, policy="information", seed=0, **stop):

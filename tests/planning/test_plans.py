@@ -10,18 +10,15 @@ import pytest
 from scipy.stats import binom
 
 from cli.conftest import prism, stl
-from sensing_scenes import FLIGHT, LASER, as_rows, beam_hits, located, new_session, of_plan, sense
-from tanteo import locate
+from sensing_scenes import FLIGHT, LASER, as_rows, beam_hits, carried_out, located, new_session, of_plan, sense
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.planning import Probe, begin, discriminate, plan, probe_of
 from tanteo.planning.candidates import propose
-from tanteo.planning.places import places_of
 from tanteo.planning.start import Start, at_pose
-from tanteo.posterior import PosePrior, Priors, prepare
+from tanteo.posterior import Priors, prepare
 from tanteo.posterior.answers import corner_moves, corner_sd
-from tanteo.sensors import Readings
 from tanteo.sensors.presets import NoiseLaw, sensor_preset
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
@@ -304,26 +301,6 @@ def test_what_a_probe_cannot_be_names_the_value():
         Probe("p", NoiseLaw.of(1e-4), standoff=0.0)
     with pytest.raises(InputError, match=r"standoff: expected at most 300 mm, .*, got 1000 mm\. Start nearer"):
         Probe("p", NoiseLaw.of(1e-4), standoff=1.0, max_range=0.3)
-
-
-def carried_out(found, target, start, sd, rng):
-    """Return the largest error of a place after a plan whose readings go to ``locate`` without feedback."""
-    T = start.Ts[0] @ SE3.exp(np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=6))
-    origins, directions = of_plan(found)
-    ranges = beam_hits(target, T[None], origins, directions)[0][:, 0]
-    on_face = np.isfinite(ranges)
-    ranges = ranges[on_face] + sd * rng.normal(size=int(on_face.sum()))
-    readings = Readings.from_columns(
-        origins[on_face] + ranges[:, None] * directions[on_face],
-        directions=directions[on_face],
-        sds=np.full(on_face.sum(), sd),
-    )
-    answer = locate(readings, target.part, priors=Priors(pose=PosePrior(start.Ts[0], start.covariances[0])))
-    if not answer.hypotheses:
-        return np.inf
-    places, gap = places_of(target.part, found.feature), SE3.inverse(T) @ answer.hypotheses[0].T_world_part
-    moved = SE3.apply(gap, places.points) - places.points
-    return float(np.linalg.norm(np.einsum("kij,kj->ki", places.across, moved), axis=1).max())
 
 
 @pytest.mark.slow
