@@ -8,13 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.special import entr
+from scipy.stats import binom
 
 from bare_scenes import SENSORS, no_paths, scene
-from sensing_scenes import log_densities, rough
+from sensing_scenes import log_densities, made_session, off, rough, sense_made
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
 from tanteo.planning import Stop, at_place, begin, update
 from tanteo.planning.start import Start, at_pose
+from tanteo.planning.state import confirmed
 from tanteo.planning.stopping import chance_within, corner_distances, largest_corner_sd
 from tanteo.posterior import Priors, prepare
 from tanteo.posterior.answers import corner_sd
@@ -129,3 +131,30 @@ def test_where_the_posterior_is_not_normal_draws_decide():
     assert bent[0]
     assert chance_within(state, 1e-6) == 0.0
     assert chance_within(here, 1e-6) == pytest.approx(state.weights[drawn][bent[drawn]].sum())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("form_sd", "sd", "goal"), [(2e-4, 5e-5, 5e-4), (0.0, 1.5e-4, 3e-4)])
+def test_sessions_keep_what_they_promise(form_sd, sd, goal):
+    """Sessions with a stylus, on castings whose faces are off as a whole, and on exact parts."""
+    target, told, met = prepare(read_part(PARTS / "housing.step")), [], 0
+    for seed in range(30):
+        rng = np.random.default_rng((53, seed))
+        session, T, offsets = made_session(target, form_sd, rng, seed, sd, tolerance=goal, max_measurements=40)
+        if sense_made(session, target, T, offsets, rng).reached:
+            told.append(session.steps[-1].within)
+            met += off(session, 0, T) <= goal
+    assert len(told) > 25
+    assert binom.cdf(met, len(told), np.mean(told)) > 0.005
+
+
+def test_a_session_ends_by_a_probability_with_little_chance():
+    """The probability at the end, against that of other samples of the same posterior."""
+    target, goal = prepare(read_part(PARTS / "wedge.step")), 3e-4
+    rng = np.random.default_rng(53)
+    session, T, offsets = made_session(target, 0.0, rng, sd=1.5e-4, tolerance=goal, max_measurements=40)
+    assert sense_made(session, target, T, offsets, rng).reached
+    told, few = session.steps[-1].within, update(session.state, session.state.touches, session.state.free)
+    many = confirmed(confirmed(session.state))
+    assert chance_within(many, goal) == pytest.approx(told, abs=0.015)
+    assert len(session.state.draws.Ts) > 8 * len(few.draws.Ts)

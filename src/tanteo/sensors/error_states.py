@@ -14,6 +14,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import ClassVar
 
 import numpy as np
@@ -447,6 +448,12 @@ _MOST_FACES = 64
 _SAME_FACE = math.radians(20)
 """Numerical: largest angle between approaches to one face; people and programs approach a face along its normal."""
 
+_LEAST_ON_PLANE = 4
+"""Numerical: fewest readings of a plane, one more than determine it."""
+
+_FEW, _TRIPLES = 16, 600
+"""Numerical: number of readings up to which all triples are tried as a plane, and number of random triples of more."""
+
 _SDS = 3.0
 """Numerical: distance from the plane of a face up to which a reading belongs to it [standard deviations]."""
 
@@ -454,17 +461,22 @@ _SDS = 3.0
 def faces_of(sensed: Sensed, sd: float) -> tuple[IntArray, Vectors]:
     """Return the number of the face of each reading, -1 for none, and an approach to each face ``(f, 3)``.
 
-    Readings with one label belong to one face. Others do if their approaches are within 20 degrees of each other, and
-    if they lie on one plane: in the order of the readings, each joins the face whose plane predicts it best, or begins
-    a new one. Later readings never change the faces of earlier ones.
+    Readings with one label belong to one face. Of the others, those whose approaches are within 20 degrees of each
+    other belong to one face if four or more lie on a plane; the plane with most readings comes first. The rest joins
+    the face whose plane, by regression with a prior on its tilt, predicts a reading best, or begins a new one.
 
     Args:
         sensed: the readings.
         sd: standard deviation of the offset of a face [m].
     """
-    aims = sensed.aimed()
-    numbers, faces = np.full(len(aims), -1), list[_Face]()
-    for k in np.flatnonzero(aims.any(axis=1) & sensed.on_surface):
+    aims, numbers, faces = sensed.aimed(), np.full(len(sensed.points), -1), list[_Face]()
+    own = np.sqrt((WITHIN_FACE * sd) ** 2 + sensed.sds**2)
+    labelled = np.array([bool(label) for label in sensed.labels], dtype=np.bool_)
+    left = aims.any(axis=1) & sensed.on_surface & ~labelled
+    while len(faces) < _MOST_FACES and len(members := _on_one_plane(sensed.points, aims, own, np.flatnonzero(left))):
+        numbers[members], left[members] = len(faces), False
+        faces.append(_Face("", aims[members[0]], sensed.points[members[0]], complete=True))
+    for k in np.flatnonzero((aims.any(axis=1) & sensed.on_surface & labelled) | left):
         gaps = [one.gap(sensed.labels[k], aims[k], sensed.points[k]) for one in faces]
         best = int(np.argmin(gaps)) if gaps else -1
         if not gaps or gaps[best] > _SDS:
@@ -472,17 +484,36 @@ def faces_of(sensed: Sensed, sd: float) -> tuple[IntArray, Vectors]:
                 continue
             best = len(faces)
             faces.append(_Face(sensed.labels[k], aims[k], sensed.points[k]))
-        variance = (WITHIN_FACE * sd) ** 2 + sensed.sds[k] ** 2
-        faces[best].add(sensed.points[k], variance)
+        faces[best].add(sensed.points[k], own[k] ** 2)
         numbers[k] = best
     return numbers, np.array([one.aim for one in faces]).reshape(-1, 3)
+
+
+def _on_one_plane(points: Vectors, aims: Vectors, own: FloatArray, rows: IntArray) -> IntArray:
+    """Return the rows of the plane through most readings with similar approaches; none if fewer than four lie on it."""
+    if len(rows) < _LEAST_ON_PLANE:
+        return rows[:0]
+    p, a = points[rows], aims[rows] / np.linalg.norm(aims[rows], axis=1, keepdims=True)
+    triples = np.array(list(combinations(range(len(rows)), 3))) if len(rows) <= _FEW else None
+    if triples is None:
+        triples = np.random.default_rng(0).integers(len(rows), size=(_TRIPLES, 3))
+    along = np.cross(p[triples[:, 1]] - p[triples[:, 0]], p[triples[:, 2]] - p[triples[:, 0]])
+    size = np.linalg.norm(along, axis=1)
+    along, triples = along[size > 0] / size[size > 0, None], triples[size > 0]
+    along *= np.sign(np.sum(along * a[triples[:, 0]], axis=1, keepdims=True))
+    near = along @ a.T > math.cos(_SAME_FACE)
+    heights = np.abs(along @ p.T - np.sum(along * p[triples[:, 0]], axis=1)[:, None])
+    on = near & (heights < _SDS * own[rows]) & near[np.arange(len(triples))[:, None], triples].all(axis=1)[:, None]
+    if not len(triples) or on.sum(axis=1).max() < _LEAST_ON_PLANE:
+        return rows[:0]
+    return rows[on[np.argmax(on.sum(axis=1))]]
 
 
 class _Face:
     """Plane through readings of one face: linear regression of their heights along the first approach."""
 
-    def __init__(self, label: str, aim: Vectors, point: Vectors) -> None:
-        self.label, self.aim, self._origin = label, aim, point
+    def __init__(self, label: str, aim: Vectors, point: Vectors, *, complete: bool = False) -> None:
+        self.label, self.aim, self._origin, self._complete = label, aim, point, complete
         self._axes = SO3.frame_from_axis(aim, 2)
         self._information = np.diag([0.0, *np.full(2, np.tan(_SAME_FACE / _SDS) ** -2)])
         self._vector = np.zeros(3)
@@ -493,7 +524,7 @@ class _Face:
         """Return the distance of a reading from the plane [standard deviations]; infinite for another face."""
         if label or self.label:
             return 0.0 if label == self.label else np.inf
-        if aim @ self.aim < np.cos(_SAME_FACE):
+        if self._complete or aim @ self.aim < np.cos(_SAME_FACE):
             return np.inf
         row, height = self._row(point)
         predicted = row @ self._covariance

@@ -17,6 +17,7 @@ from tanteo.planning.state import SensingState
 from tanteo.posterior import dominant_shared_error
 from tanteo.posterior.fit_at_mode import goodness_of_fit
 from tanteo.sensors import Column, PointMeasurements, Readings, concatenate
+from tanteo.sensors.error_states import FaceOffset
 from tanteo.words.findings import SharedErrorLimits
 
 _TURNED, _STILL = 0.3, 0.1
@@ -54,8 +55,9 @@ def shared_of(sensing: Sensing, probe: Probe, readings: Readings | None, state: 
             return None
         whole, which = _effect(joint), np.full(sum(len(e.covariance) for e in joint.shared), -1)
         for name, own in _columns(joint).items():
-            before = columns.get(name, np.zeros(0, dtype=np.int64))
-            which[own] = before if len(before) == len(own) else _same_columns(effect, whole[: len(measured), :, own])
+            same = _same_columns(effect, whole[: len(measured), :, own])
+            before = columns.get(name, same)
+            which[own] = same if name == FaceOffset.name or len(before) != len(own) else before
         return SharedAhead.of(state, whole[len(measured) :], which)
 
     return ahead
