@@ -223,7 +223,7 @@ def test_one_label_is_one_face_and_centres_have_no_face():
 @pytest.mark.parametrize("aimed", [True, False])
 def test_many_touches_do_not_average_the_offset_of_a_face(block, aimed):
     """40 touches of 0.05 mm on faces that are off by 0.2 mm each: the region holds the truth, and keeps its size."""
-    held, scenes, form_sd = 0, 24, 2e-4
+    contained, scenes, form_sd = 0, 24, 2e-4
     for seed in range(scenes):
         rng = np.random.default_rng((53, seed))
         T = SE3.exp(np.r_[0.1 * rng.normal(size=3), 0.3 * rng.normal(size=3)])
@@ -237,5 +237,5 @@ def test_many_touches_do_not_average_the_offset_of_a_face(block, aimed):
         ).best
         assert best.corner_sd > 0.5 * form_sd
         off = [SE3.log(SE3.inverse(best.T_world_part) @ T @ S) for S in block.part.symmetry.Ts]
-        held += min(x @ np.linalg.solve(best.covariance, x) for x in off) <= chi2.ppf(0.95, 6)
-    assert held >= scenes - 4  # 5 of 24 have a probability of 0.006
+        contained += min(x @ np.linalg.solve(best.covariance, x) for x in off) <= chi2.ppf(0.95, 6)
+    assert contained >= scenes - 4  # 5 of 24 have a probability of 0.006
