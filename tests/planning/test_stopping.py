@@ -137,15 +137,15 @@ def test_where_the_posterior_is_not_normal_draws_decide():
 @pytest.mark.parametrize(("form_sd", "sd", "goal"), [(2e-4, 5e-5, 5e-4), (0.0, 1.5e-4, 3e-4)])
 def test_sessions_keep_what_they_promise(form_sd, sd, goal):
     """Sessions with a stylus, on castings whose faces are off as a whole, and on exact parts."""
-    target, told, met = prepare(read_part(PARTS / "housing.step")), [], 0
+    target, stated, within = prepare(read_part(PARTS / "housing.step")), [], 0
     for seed in range(30):
         rng = np.random.default_rng((53, seed))
         session, T, offsets = made_session(target, form_sd, rng, seed, sd, tolerance=goal, max_measurements=40)
         if sense_made(session, target, T, offsets, rng).reached:
-            told.append(session.steps[-1].within)
-            met += off(session, 0, T) <= goal
-    assert len(told) > 25
-    assert binom.cdf(met, len(told), np.mean(told)) > 0.005
+            stated.append(session.steps[-1].within)
+            within += off(session, 0, T) <= goal
+    assert len(stated) > 25
+    assert binom.cdf(within, len(stated), np.mean(stated)) > 0.005
 
 
 def test_a_session_ends_by_a_probability_with_little_chance():
@@ -154,7 +154,7 @@ def test_a_session_ends_by_a_probability_with_little_chance():
     rng = np.random.default_rng(53)
     session, T, offsets = made_session(target, 0.0, rng, sd=1.5e-4, tolerance=goal, max_measurements=40)
     assert sense_made(session, target, T, offsets, rng).reached
-    told, few = session.steps[-1].within, update(session.state, session.state.touches, session.state.free)
+    stated, few = session.steps[-1].within, update(session.state, session.state.touches, session.state.free)
     many = confirmed(confirmed(session.state))
-    assert chance_within(many, goal) == pytest.approx(told, abs=0.015)
+    assert chance_within(many, goal) == pytest.approx(stated, abs=0.015)
     assert len(session.state.draws.Ts) > 8 * len(few.draws.Ts)

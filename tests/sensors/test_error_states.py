@@ -201,8 +201,8 @@ def test_touches_of_a_plane_share_one_offset(rng):
     np.testing.assert_allclose(face_columns(points, directions)[..., 0], directions)
 
 
-def test_faces_that_look_alike_have_offsets_of_their_own(rng):
-    """Two levels of a step, and a side: three offsets, whatever the order of the touches."""
+def test_parallel_faces_have_separate_offsets(rng):
+    """Two levels of a step, and a side: three offsets."""
     points = np.r_[rng.uniform(-0.05, 0.05, (18, 3))]
     face = np.arange(18) % 3
     points[face == 0, 2], points[face == 1, 2], points[face == 2, 0] = 0.0, -0.02, 0.05
