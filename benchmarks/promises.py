@@ -38,7 +38,7 @@ CAST = {"form_sd": 2e-4, "sd": 5e-5, "tolerance": 5e-4}
 EXACT = {"form_sd": 0.0, "sd": 1.5e-4, "tolerance": 3e-4}
 PLANNED = 4e-4
 MOST = 40
-COLUMNS = "part", "reached", "median readings", "told", "met", "met - told [standard errors]", "seconds"
+COLUMNS = "part", "reached", "median readings", "stated", "kept", "kept - stated [standard errors]", "seconds"
 
 
 @cache
@@ -55,7 +55,7 @@ def session(name, seed, scene, kind):
     end = sense_made(one, part, T, offsets, rng)
     error = off(one, 0, T)
     return {
-        "told": one.steps[-1].within, "met": error <= setup["tolerance"], "reached": end.reached,
+        "stated": one.steps[-1].within, "kept": error <= setup["tolerance"], "reached": end.reached,
         "readings": one.count, "seconds": time.process_time() - begun,
     }  # fmt: skip
 
@@ -90,7 +90,7 @@ def placement(name, seed, scene):
     begun = time.process_time()
     error = carried_out(found, target(name), start, EXACT["sd"], np.random.default_rng((seed, scene)))
     return {
-        "told": found.readings[-1].within, "met": error <= PLANNED, "reached": found.reached,
+        "stated": found.readings[-1].within, "kept": error <= PLANNED, "reached": found.reached,
         "readings": len(found.readings), "seconds": time.process_time() - begun,
     }  # fmt: skip
 
@@ -109,12 +109,12 @@ def plans(scenes, seed, keep, processes):
 
 def _row(name, rows):
     ended = [row for row in rows if row["reached"]]
-    told, met = (np.array([row[key] for row in ended], dtype=float) for key in ("told", "met"))
-    error = np.sqrt(np.sum(told * (1 - told)))
-    away = f"{(met.sum() - told.sum()) / error:+.1f}" if len(ended) else "-"
+    stated, kept = (np.array([row[key] for row in ended], dtype=float) for key in ("stated", "kept"))
+    error = np.sqrt(np.sum(stated * (1 - stated)))
+    away = f"{(kept.sum() - stated.sum()) / error:+.1f}" if len(ended) else "-"
     return (
         name, f"{len(ended)}/{len(rows)}", f"{np.median([row['readings'] for row in rows]):.0f}",
-        f"{told.mean():.3f}" if len(ended) else "-", f"{met.sum():.0f}/{len(ended)}", away,
+        f"{stated.mean():.3f}" if len(ended) else "-", f"{kept.sum():.0f}/{len(ended)}", away,
         f"{np.mean([row['seconds'] for row in rows]):.1f}",
     )  # fmt: skip
 
