@@ -194,7 +194,7 @@ def identify(
         answer = answer.adding(CheckPrior())
     answer = _without_features(answer, readings, parts)
     stated_errors = (*(() if bias_sd is None else (Offset(bias_sd),)), *shared_errors)
-    answer = answer.adding(*estimates_of(answer, measured, stated_errors))
+    answer = answer.adding(*estimates_of(answer, measured, stated_errors, len(of_surface)))
     answer = answer.adding(*about_readings(answer, readings, measured, rays, parts, settings))
     if repeated is not None:
         answer = answer.adding(repeated)

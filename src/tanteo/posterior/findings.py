@@ -107,22 +107,25 @@ _MOST_ESTIMATES = 24
 """Definition: largest number of states of shared errors that are reported."""
 
 
-def estimates_of(answer: Answer, measured: PointMeasurements, errors: Sequence[ErrorState]) -> tuple[Finding, ...]:
+def estimates_of(
+    answer: Answer, measured: PointMeasurements, errors: Sequence[ErrorState], others: int = 0
+) -> tuple[Finding, ...]:
     """Return the finding with the estimates of stated shared errors in the best hypothesis; none without any.
 
     Args:
         answer: the answer.
-        measured: measurements, whose last shared errors are the stated ones.
+        measured: measurements, whose last shared errors are the stated ones, followed by others.
         errors: stated errors.
+        others: number of shared errors after the stated ones.
     """
     if not errors or answer.status == "unknown" or answer.best is None or answer.best.shared is None:
         return ()
     names, values, sds, units = list[str](), list[float](), list[float](), list[str]()
     mean, covariance = shared_estimates(answer.best)
-    start = len(mean) - sum(len(one.covariance) for one in measured.shared[-len(errors) :])
-    for error, shared, jacobian in zip(
-        errors, measured.shared[-len(errors) :], measured.jacobians[-len(errors) :], strict=True
-    ):
+    first = len(measured.shared) - others - len(errors)
+    own = slice(first, first + len(errors))
+    start = len(mean) - sum(len(one.covariance) for one in measured.shared[first:])
+    for error, shared, jacobian in zip(errors, measured.shared[own], measured.jacobians[own], strict=True):
         rows = range(start, start := start + len(shared.covariance))
         faces = faces_of(answer.best, measured, jacobian)
         names += [_on_face(name, face) for name, face in zip(shared.states, faces, strict=True)]

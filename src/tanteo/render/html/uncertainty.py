@@ -117,7 +117,7 @@ def _terms(contacts: Contacts, sensed: Sensed, used: BoolArray, known: int, nois
         out[_SCALE] = term((noise_scale**2 - 1) * (contacts.noise + contacts.repeatability)[used])
     for error, gain in zip(sensed.measured.shared, contacts.shared_jacobian, strict=True):
         of_form = error.name == FaceOffset.name
-        own = sensed.tolerance**2 * contacts.is_distance[used] if of_form else None
+        own = sensed.tolerance**2 * contacts.is_distance[used].astype(np.float64) if of_form else None
         out[_FORM if of_form else f"{error.name} (shared)"] = term(own, gain[used] @ shared_root([error]))
     if known:
         out["prior"] = _Spread(np.r_[np.zeros(m), np.ones(known)], np.zeros((m + known, 0)))
