@@ -70,6 +70,10 @@ PRINTS = {
         "No number of readings places",
     ],
     "04_the_paper_equation_by_equation": ["mean squared distance 5.9", "with plus 1.0", "corrected; 5 % is right"],
+    "05_exercise_uncertain_frames": ["[0.2   0.283 0.283]", "largest difference from compose: 2"],
+    "06_exercise_matching_by_chi_square": ["accepted ['web', 'flange']", "joint test 0.048"],
+    "07_exercise_pose_from_touches": ["mean 2.96", "0.202 mm with the state", "tanteo: recognized"],
+    "08_exercise_next_best_touch": ["best from s = -50 mm", "{0.2: 0.693", "information: "],
 }
 """What the notebooks print, in short."""
 

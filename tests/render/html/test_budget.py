@@ -37,10 +37,11 @@ def scene(wedge):
     return readings, options, answer.hypotheses[0]
 
 
-def budget_of(wedge, readings, hypothesis, prior=None, **options):
+def budget_of(wedge, readings, hypothesis, prior=None, covariance=None, **options):
     sensed = gather(readings, Sensing(**options), prior)
     contacts = find_contacts(sensed, wedge, hypothesis)
-    return make_budget(contacts, sensed, wedge, hypothesis.T_world_part), contacts, sensed
+    budget = make_budget(contacts, sensed, wedge, hypothesis.T_world_part, covariance=covariance)
+    return budget, contacts, sensed
 
 
 def dense(contacts, sensed):
@@ -96,7 +97,7 @@ def test_repeatability_is_that_of_the_preset(wedge, scene):
 def test_it_agrees_with_the_answer_on_labelled_planes(wedge, tolerance):
     readings = touches(wedge, np.random.default_rng(6))
     h = locate(readings, wedge, tolerance=tolerance, priors=Priors(noise_factor=1.0)).hypotheses[0]
-    budget, _, _ = budget_of(wedge, readings, h, tolerance=tolerance)
+    budget, _, _ = budget_of(wedge, readings, h, tolerance=tolerance, covariance=h.covariance)
     assert budget.total == pytest.approx(h.corner_sd, rel=0.06)  # near edges readings count in part
 
 
@@ -105,7 +106,7 @@ def test_it_agrees_with_the_answer_on_bare_points(wedge, tolerance):
     labelled = touches(wedge, np.random.default_rng(6))
     readings = Readings.from_columns(points=labelled.points, directions=labelled.directions, sds=labelled.sds)
     h = locate(readings, wedge, tolerance=tolerance, priors=Priors(noise_factor=1.0)).hypotheses[0]
-    budget, _, _ = budget_of(wedge, readings, h, tolerance=tolerance)
+    budget, _, _ = budget_of(wedge, readings, h, tolerance=tolerance, covariance=h.covariance)
     # the answer has the spread of the whole posterior, the budget that of a normal about its peak
     assert budget.total == pytest.approx(h.corner_sd, rel=0.1)
 
@@ -134,7 +135,7 @@ def test_what_was_known_beforehand_has_its_share(wedge):
     readings = touches(wedge, np.random.default_rng(9), n=2)
     prior = PosePrior(TRUTH, np.diag([1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4]) ** 2)
     h = locate(readings, wedge, priors=Priors(pose=prior)).hypotheses[0]
-    budget, _, _ = budget_of(wedge, readings, h, prior=prior)
+    budget, _, _ = budget_of(wedge, readings, h, prior=prior, covariance=h.covariance)
     share = {s.name: s.share for s in budget.sources}["prior"]
     assert 0.3 < share < 1
     assert budget.total == pytest.approx(h.corner_sd, rel=0.2)

@@ -64,7 +64,9 @@ def budget_section(candidates: Sequence[Candidate], sensed: Sensed) -> Section:
 
 def _budget(candidate: Candidate, sensed: Sensed) -> Html:
     best = candidate.hypothesis
-    budget = make_budget(candidate.contacts, sensed, candidate.part, best.T_world_part, best.noise_scale[0])
+    budget = make_budget(
+        candidate.contacts, sensed, candidate.part, best.T_world_part, best.noise_scale[0], best.covariance
+    )
     if budget is None:
         return element("p", "The readings determine no direction of the pose, so there is no budget.")
     linear, stated = budget.total, best.corner_sd

@@ -56,7 +56,12 @@ class Budget:
 
 
 def make_budget(
-    contacts: Contacts, sensed: Sensed, part: Part, T_world_part: Transforms, noise_scale: float = 1.0
+    contacts: Contacts,
+    sensed: Sensed,
+    part: Part,
+    T_world_part: Transforms,
+    noise_scale: float = 1.0,
+    covariance: Covariances | None = None,
 ) -> Budget | None:
     """Return the budget of a pose, or None if no direction of the pose is observed.
 
@@ -66,6 +71,8 @@ def make_budget(
         part: part of the hypothesis.
         T_world_part: pose of the hypothesis ``(4, 4)``.
         noise_scale: ratio of the estimated to the stated noise.
+        covariance: covariance of the answer, which also has the errors that are assumed because they are not stated
+            ``(6, 6)``; None without these.
     """
     used = contacts.used[contacts.reading]
     known = prior_rows(sensed.prior, part, T_world_part[None])[1][0]
@@ -73,18 +80,25 @@ def make_budget(
     basis = _observed(H, _together(terms).own, part)
     if not basis.shape[1]:
         return None
-    J, total = _worst_corner(part, _covariance(H, basis, terms))
+    stated = _covariance(H, basis, terms)
+    assumed = np.zeros((6, 6))
+    if covariance is not None and sensed.measured.unstated:
+        assumed = _excess(covariance, stated, basis)
+    J, total = _worst_corner(part, stated + assumed)
     G = basis @ _estimator(H @ basis, _together(terms))
     sds = {name: float(np.sqrt(J @ _sandwich(G, term) @ J)) for name, term in terms.items()}
     found = [
-        Source(name, _kind(name, noise_scale), (sd / total) ** 2, sd, _left(H, basis, terms, name, part))
+        Source(name, _kind(name, noise_scale), (sd / total) ** 2, sd, _left(H, basis, terms, name, part, assumed))
         for name, sd in sds.items()
     ]
+    if assumed.any():
+        sd = float(np.sqrt(J @ assumed @ J))
+        found.append(Source(_UNSTATED, "B", (sd / total) ** 2, sd, _worst_corner(part, stated)[1]))
     return Budget(tuple(sorted(found, key=lambda s: -s.share)), total)
 
 
 _SENSOR, _ROBOT, _SCALE = "noise of the sensor", "repeatability of the robot", "noise scale: scatter beyond the stated"
-_FORM = "form of the part"
+_FORM, _UNSTATED = "form of the part", "assumed, because not stated: scale, drift, warp"
 
 
 def _kind(name: str, noise_scale: float) -> str:
@@ -160,13 +174,23 @@ def _covariance(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Spread]) 
     return np.sum([_sandwich(G, term) for term in terms.values()], axis=0)
 
 
-def _left(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Spread], name: str, part: Part) -> float:
+def _excess(whole: Covariances, stated: Covariances, basis: FloatArray) -> Covariances:
+    """Return the part of a covariance beyond another one, along the observed motions ``(6, 6)``."""
+    across = np.linalg.pinv(basis)
+    values, vectors = np.linalg.eigh(across @ (whole - stated) @ across.T)
+    root = basis @ (vectors * np.sqrt(values.clip(0.0)))
+    return np.asarray(root @ root.T)
+
+
+def _left(
+    H: FloatArray, basis: FloatArray, terms: Mapping[str, _Spread], name: str, part: Part, assumed: Covariances
+) -> float:
     """Return the largest corner sd without one source; NaN if a row has no noise then."""
     gone = (name, _SCALE) if name == _SENSOR else (name,)  # the noise scale multiplies this noise
     rest = {other: term for other, term in terms.items() if other not in gone}
     if not rest or not np.all(_together(rest).own > 0):
         return float("nan")
-    return _worst_corner(part, _covariance(H, basis, rest))[1]
+    return _worst_corner(part, _covariance(H, basis, rest) + assumed)[1]
 
 
 def _worst_corner(part: Part, C: Covariances) -> tuple[FloatArray, float]:

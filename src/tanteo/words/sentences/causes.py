@@ -37,10 +37,15 @@ def _(one: f.CloseTogether) -> Words:
 
 @words_of.register
 def _(one: f.SharedErrorLimits) -> Words:
-    what = f"{one.error}, which all readings share"
+    of_faces = one.source == "face offset"
+    what = (
+        "the form error, which the readings of a face share" if of_faces else f"{one.error}, which all readings share"
+    )
     size = f"{millimetres(one.share)} of the {millimetres(one.corner_sd)}"
     most = one.share > one.without
     text = f"{'Most' if most else 'Part'} of the uncertainty is {what}: {size}."
+    if of_faces:
+        return text, f"Touch other faces, or machined ones ({millimetres(one.without)} are left without this error)."
     lessened = next((advice for source, advice in _LESSENED.items() if one.source.startswith(source)), "")
     return text, f"Calibrate it ({millimetres(one.without)} are left then){lessened}."
 
