@@ -197,7 +197,9 @@ def on_table(seed, k, search=0, stated=False, readings=6):
 def _row(answered, own, T):
     start = time.process_time()
     answer = answered()
+    part, of_part = answer.parts[0] if answer.parts else ("", 0.0)
     return {
+        "part": part == own.part.name, "P_part": of_part,
         "seconds": time.process_time() - start, "status": answer.status, "right": is_right(answer, own, T),
         "P": answer.best.probability if answer.best else 0.0, "kinds": [one.kind for one in answer.findings],
         "unknown": answer.unknown_probability,

@@ -31,7 +31,13 @@ from tanteo.posterior.outliers import beta_binomial_tail
 from tanteo.posterior.part_search import PartSearch, common_random_numbers, spread, start_search, start_searches
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
-from tanteo.posterior.proposals.built_in import KnownPoses, PosesOfOtherParts
+from tanteo.posterior.proposals import InitialPoses
+from tanteo.posterior.proposals.built_in import (  # fmt: skip
+    KnownPoses,
+    PosesOfOtherParts,
+    planes_at,
+    poses_on_planes,
+)
 from tanteo.posterior.proposals.centre_votes import lacking, on_axes, sensed_centres
 from tanteo.posterior.proposals.coarse_field import evaluate_fields
 from tanteo.posterior.proposals.plane_votes import cost_margin, on_planes, voted
@@ -294,7 +300,7 @@ def prune(
             wide = margin / problem.settings.pruning.estimate_weight
             if len(live) == 1 or search in still_active(live, log_unknown, wide):
                 search.restart(second)
-        _pass_on(live)
+    _pass_on(live)
     if not _may_be_missed(problem, searches):
         live = still_active(live, log_unknown, margin)
     elif len(searches) <= problem.settings.pruning.unfixed:
@@ -302,6 +308,7 @@ def prune(
     points = problem.points
     if points.constrained >= POSE_DOF or 2 * int(points.oriented.sum()) >= POSE_DOF:
         _restart(searches, live, log_unknown)
+        _pass_on(searches)  # a later round may have found the leader
     searches = searches + start.others
     top = max([log_unknown if unsearched.untried else -np.inf, *(s.log_evidence for s in searches)])
     return searches, float(log_sum([start.dropped, unsearched.log_evidence(top, start.tail)]))
@@ -518,13 +525,19 @@ def still_active(searches: Sequence[PartSearch], log_unknown: float, margin: flo
 
 
 def _pass_on(searches: Sequence[PartSearch]) -> None:
-    """Try the best poses of the leading parts on the others: twins and variants share their frames."""
-    if len(searches) < 2:
-        return
-    leaders = searches[0].objective.problem.settings.pruning.leaders
-    order = sorted(searches, key=lambda s: -s.log_evidence)[:leaders]
-    leading, proposer = [(s, s.peaks.Ts[:1]) for s in order if len(s.peaks)], PosesOfOtherParts()
+    """Try the best poses of the leading parts on the others, and poses of all with the same planes on other faces.
+
+    Twins and variants share their frames. Mirrored and nearly symmetric ones have the touched planes on other faces. As
+    all such poses are tried, their maxima are found as surely as that of the leader.
+    """
+    leaders = searches[0].objective.problem.settings.pruning.leaders if searches else 0
+    order = sorted((s for s in searches if len(s.peaks)), key=lambda s: -s.log_evidence)[:leaders]
+    leading, proposer = [(s, s.peaks.Ts[:1]) for s in order], PosesOfOtherParts()
+    planes = [(planes_at(search.objective, search.peaks), int(search.peaks.groups[0])) for search in order]
     for search in searches:
         poses = [Ts for other, Ts in leading if other is not search]
         if poses:
             search.pass_on(np.concatenate(poses), proposer)
+        for one, sources in planes:
+            Ts = poses_on_planes(one, search.objective)
+            search.add(InitialPoses(Ts, np.full(len(Ts), sources)))

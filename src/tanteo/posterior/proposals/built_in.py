@@ -12,12 +12,14 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Transforms, Vectors
+from tanteo.posterior.details import details_at
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals.centre_triples import from_centres
 from tanteo.posterior.proposals.plane_votes import plane_poses
 from tanteo.posterior.proposals.proposer import InitialPoses, Proposer, SearchState
-from tanteo.posterior.sampling.peaks import scores_of
+from tanteo.posterior.proposals.sensed_planes import Planes, SensedPlanes, sensed_planes
+from tanteo.posterior.sampling.peaks import Objective, Peaks, scores_of
 
 
 @final
@@ -70,14 +72,60 @@ class PlanePoses(Proposer):
 
     def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
         """Propose the poses nearest to all points, unless earlier stages proposed all that planes allow."""
-        objective, count = state.objective, state.effort.maximized
-        if state.round or state.exhaustive or not len(objective.rows) or not len(state.planes.triples):
+        if state.round or state.exhaustive or not len(state.planes.triples):
             return InitialPoses.none()
-        Ts = np.ascontiguousarray(plane_poses(state.planes, part, problem.settings))
-        if len(Ts) > count:
-            costs = scores_of(problem, objective.core, part, objective.rows, Ts, objective.scales)
-            Ts = Ts[np.argsort(costs, kind="stable")[:count]]
-        return InitialPoses.exhaustive(Ts)
+        return InitialPoses.exhaustive(poses_on_planes(state.planes, state.objective))
+
+
+def poses_on_planes(planes: SensedPlanes, objective: Objective) -> Transforms:
+    """Return the poses with planes on faces of a part that are nearest to all points ``(S, 4, 4)``.
+
+    Args:
+        planes: the planes.
+        objective: the part and the measurements.
+    """
+    problem, part, count = objective.problem, objective.prepared, objective.problem.settings.search.maximized
+    if not len(objective.rows):
+        return np.zeros((0, 4, 4))
+    Ts = np.ascontiguousarray(plane_poses(planes, part, problem.settings))
+    if len(Ts) > count:
+        costs = scores_of(problem, objective.core, part, objective.rows, Ts, objective.scales)
+        Ts = Ts[np.argsort(costs, kind="stable")[:count]]
+    return Ts
+
+
+def planes_at(objective: Objective, peaks: Peaks) -> SensedPlanes:
+    """Return the touched planar faces at the best maximum of a part, as sensed planes.
+
+    A point on an edge touches both of its faces.
+
+    Args:
+        objective: the part and the measurements.
+        peaks: maxima of the part, at least one.
+    """
+    problem, part, T = objective.problem, objective.prepared.part, peaks.Ts[0]
+    points, own, edges = problem.points, problem.settings.search, part.edges
+    at = details_at(objective, peaks.Ts[:1], peaks.zs[:1])
+    turn = np.sqrt(np.linalg.eigvalsh(np.linalg.inv(objective.of_pose(peaks.information[:1]))[0, 3:, 3:])[-1])
+    touched: dict[int, list[int]] = {}
+    for row in np.flatnonzero(at.inlier_probability[0] > 0.5):
+        element = int(at.faces[0, row])
+        edge = -2 - element
+        faces = [element] if element >= 0 else edges.faces[edge].tolist() if 0 <= edge < len(edges) else []
+        for face in faces:
+            touched.setdefault(face, []).append(int(row))
+    which = np.array([k for k, face in enumerate(part.planes.faces) if int(face) in touched], dtype=np.int64)
+    rows = tuple(np.array(touched[int(part.planes.faces[k])]) for k in which)
+    normals = part.planes.normals[which] @ T[:3, :3].T
+    middles = np.array([points.points[own_rows].mean(axis=0) for own_rows in rows]).reshape(-1, 3)
+    spans = [float(np.linalg.norm(points.points[r] - m, axis=1).max()) for r, m in zip(rows, middles, strict=True)]
+    tilt, count = float(np.clip(turn, own.tilt_as_made, own.plane_normal_sd)), len(which)
+    planes = Planes(
+        normals, np.sum(normals * middles, axis=1), middles, np.array(spans),
+        np.array([points.radii[r].mean() for r in rows]), np.full(count, tilt), np.ones(count, dtype=bool),
+        np.array([points.sd[r].mean() for r in rows]), rows,
+    )  # fmt: skip
+    return sensed_planes(problem, points, planes)
 
 
 @final

@@ -125,10 +125,16 @@ class SensedPlanes:
         return self.doubtful if self.certain or len(self.walls) else 0.0
 
 
-def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
-    """Return the planes of labels and sensed normals, with the largest noise that is probable."""
+def sensed_planes(problem: Problem, points: ContactPoints, planes: Planes | None = None) -> SensedPlanes:
+    """Return planes with the largest noise that is probable.
+
+    Args:
+        problem: measurements and priors.
+        points: the points.
+        planes: planes through the points; None for those of labels and sensed normals.
+    """
     own = problem.settings.search
-    planes = labelled_planes(points, own)
+    planes = labelled_planes(points, own) if planes is None else planes
     factor = float(np.exp(own.noise_fraction * problem.scale_sd))
     some = np.argsort(planes.tilts, kind="stable")[: own.compared]
     normals = planes.normals[some]
