@@ -15,7 +15,7 @@ from tanteo.words.sentences import parameter_words
 
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray
-    from tanteo.sensors.calibration import BeamFit, Calibration, DeviceFit, Outlier
+    from tanteo.sensors.calibration import BeamFit, Calibration, DeviceFit
 
 _MOST_OUTLIERS = 12
 _RANGES, _ANGLE_STEP = 6, 15.0
@@ -45,7 +45,7 @@ def calibration_lines(found: Calibration, *, verbose: bool = False, layout: Layo
     elif not by_distances:
         lines += ["", *_target_lines(found)]
     lines += ["", *_coverage_table(found, layout)]
-    return [*lines, "", *_outlier_lines(found.outliers, verbose=verbose)]
+    return [*lines, "", *_outlier_lines(found, verbose=verbose)]
 
 
 def _beam_lines(beam: BeamFit, layout: Layout) -> list[str]:
@@ -190,7 +190,8 @@ def _coverage_table(found: Calibration, layout: Layout) -> list[str]:
     return [*lines, "The result holds for these ranges and incidences."]
 
 
-def _outlier_lines(outliers: tuple[Outlier, ...], *, verbose: bool) -> list[str]:
+def _outlier_lines(found: Calibration, *, verbose: bool) -> list[str]:
+    outliers = found.outliers
     if not outliers:
         return ["No reading was excluded."]
     kinds = Counter(s.reason for s in outliers)

@@ -4,6 +4,5 @@ from .hand_eye import calibrate_hand_eye as calibrate_hand_eye
 from .result import BeamFit as BeamFit
 from .result import Calibration as Calibration
 from .result import DeviceFit as DeviceFit
-from .result import Outlier as Outlier
 from .result import plane_angle as plane_angle
 from .rig import calibrated_rig as calibrated_rig

@@ -134,7 +134,7 @@ def _(one: f.Scatter) -> Words:
     worst = f" The worst is reading {one.worst.reading}." if one.worst is not None else ""
     return (
         f"{text}{worst}"
-    ), "If a shared error causes it (tip, radius, calibration), the pose is less certain: state that error."
+    ), "If a shared error causes it (tip, scale, calibration), the pose is less certain: state that error."
 
 
 @words_of.register
