@@ -112,6 +112,24 @@ def test_haas_turns_by_g68(rng):
     assert "G68" not in written("haas:G54", turned(0.0)).text
 
 
+def test_fanuc_controls_turn_as_haas(rng):
+    frame = upright(rng, 0.0)
+    assert written("fanuc:g55", frame).text == written("haas:G55", frame).text
+
+
+def test_siemens_holds_the_whole_pose(rng):
+    frame = upright(rng, 0.7)
+    got = written("siemens:G55", frame)
+    (line,) = [line for line in got.text.splitlines() if line.startswith("$P_UIFR[2] = ")]
+    x, y, z, roll, pitch, yaw = (float(v) for v in re.findall(r"[XYZ],(-?[\d.]+)", line))
+    axes = zip((2, 1, 0), np.radians([yaw, pitch, roll]), strict=True)
+    R = np.linalg.multi_dot([SO3.axis_rotation(axis, angle) for axis, angle in axes])
+    np.testing.assert_allclose(R, frame.T[:3, :3], atol=1e-6)
+    np.testing.assert_allclose(1e-3 * np.array([x, y, z]), frame.T[:3, 3], atol=1e-6)
+    with pytest.raises(InputError, match="expected siemens:G54"):
+        written("siemens:G58", frame)
+
+
 @pytest.mark.parametrize(
     ("name", "brand", "mark"),
     [

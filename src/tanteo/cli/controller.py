@@ -56,7 +56,10 @@ PoseAs = Annotated[
 Wcs = Annotated[
     WorkFrame | None,
     _output(
-        "--wcs", "FRAME", "Print the lines that set this work frame to the pose: G54, fanuc:1, kuka:1, abb:NAME, ..."
+        "--wcs",
+        "FRAME",
+        "Print the lines that set this work frame to the pose: G54, haas:G54, fanuc:G54, siemens:G54, fanuc:1, kuka:1, "
+        "abb:NAME, ...",
     ),
     typed.Words(_work_frame),
 ]

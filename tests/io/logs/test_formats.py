@@ -393,6 +393,8 @@ def table(header, row, places=PLACES, comma=False):
         ("点号,X实测,Y实测,Z实测,备注", "P{},{},{},{},", False),
         ("点名,X座標,Y座標,Z座標", "P{},{},{},{}", False),
         ("Punkt;X;Y;Z;Ist X;Ist Y;Ist Z", "P{0};0,5;0,5;0,5;{1};{2};{3}", True),
+        ("Messung;Achse X;Achse Y;Achse Z;Soll Achse X;Soll Achse Y;Soll Achse Z", "{0};{1};{2};{3};0;0;0", True),
+        ("nr,probe x result,probe y result,probe z result", "{},{},{},{}", False),
         ("ID,XMM,YMM,ZMM", "{},{},{},{}", False),
         ("Feature,X,Y,Z,A,B,Pass/Fail", "P{},{},{},{},90,-90,PASS", False),
     ],

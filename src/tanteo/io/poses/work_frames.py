@@ -2,10 +2,11 @@
 
 Sources: LinuxCNC ``G10 L2 P R`` (G-code reference, "Set Coordinate System"; the tests run the lines with ``rs274``);
 Haas' pages on programmable offsets (``G10 L2 P1 G90``, no rotation) and on ``G68`` (rotation of the programmed values
-about a point of the work frame, three decimals of a degree); FANUC ``PR[n,k]=`` and ``UFRAME[n]=`` (public TP
-programs); KUKA ``BASE_DATA`` and ``$BASE``; ABB ``wobjdata``; URScript pose variables. A work offset of a 3-axis
-machine rotates about z at most. A frame is refused if the omitted rotation moves a corner of the part by more than
-:data:`LOST`; below, a warning states the displacement.
+about a point of the work frame, three decimals of a degree), which FANUC's controls of machine tools have, too; Siemens
+``$P_UIFR[n] = CTRANS(..) : CROT(..)``, whose angles turn about Z, Y', X'' (SINUMERIK, Function Manual K2, "Frames");
+FANUC ``PR[n,k]=`` and ``UFRAME[n]=`` of robots (public TP programs); KUKA ``BASE_DATA`` and ``$BASE``; ABB
+``wobjdata``; URScript pose variables. A work offset of a 3-axis machine rotates about z at most. A frame is refused if
+the omitted rotation moves a corner of the part by more than :data:`LOST`; below, a warning states the displacement.
 """
 
 from __future__ import annotations
@@ -95,7 +96,7 @@ def parse_work_frame(text: str) -> WorkFrame:
         )
     pattern, example, usual, _ = CONTROLLERS[name]
     slot = slot or usual
-    slot = slot.upper() if name in ("grbl", "haas", "linuxcnc") else slot
+    slot = slot.upper() if slot[:1] in "gG" and slot.upper() in OFFSETS else slot
     if not re.fullmatch(pattern, slot):
         raise InputError(f"expected {name}:{example}, got '{text}'. Correct the frame's number or name.")
     return WorkFrame(name, slot)
@@ -202,12 +203,36 @@ def _fanuc(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __: b
     """Return a TP program; ``LPOS`` makes the position register Cartesian before its elements are written."""
     register = 100
     values = brand_fields("fanuc", frame)
-    steps = [f"!{words[:30]}" for words in re.split("[:,] ", note)] + ["UFRAME_NUM=0", f"PR[{register}]=LPOS"]
+    steps = [f"!{words[:30]}" for words in re.split(r"[:,] |(?<=mm) ", note.replace("farthest corner", "corner"))] + [
+        "UFRAME_NUM=0",
+        f"PR[{register}]=LPOS",
+    ]
     steps += [f"PR[{register},{k}]={value}" for k, value in enumerate(values, 1)]
     steps += [f"UFRAME[{where.slot}]=PR[{register}]", f"UFRAME_NUM={where.slot}"]
     body = [f"{n:4d}:  {step} ;" for n, step in enumerate(steps, 1)]
     text = ["/PROG  TANTEO_UF", "/ATTR", 'COMMENT\t\t= "TANTEO";', "/MN", *body, "/POS", "/END", ""]
     return WrittenFrame("\n".join(text), (f"position register {register} is overwritten.",))
+
+
+def _fanuc_frame(
+    where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, accept_lost: bool
+) -> WrittenFrame:
+    """Return a work offset of a machine tool, or the TP program of a robot."""
+    if where.slot in OFFSETS:
+        return _offset(where, frame, corners, note, accept_lost, "G68")
+    return _fanuc(where, frame, corners, note, accept_lost)
+
+
+def _siemens(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __: bool) -> WrittenFrame:
+    """Return a settable frame with all three rotations, in the order Z, Y', X'' of RPY angles."""
+    x, y, z, a, b, c = brand_fields("kuka", frame)
+    value = f"CTRANS(X,{x},Y,{y},Z,{z}) : CROT(X,{c},Y,{b},Z,{a})"
+    lines = [f"; {note}", "; readings in machine coordinates, millimetres", "G710 G90",
+             f"$P_UIFR[{OFFSETS[where.slot]}] = {value}", where.slot, ""]  # fmt: skip
+    return WrittenFrame("\n".join(lines), (
+        "positions of the readings are taken as machine coordinates (G53), without work offset.",
+        "the angles are RPY angles, which the control uses unless MD10600 is 2.",
+    ))  # fmt: skip
 
 
 def _kuka(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __: bool) -> WrittenFrame:
@@ -236,7 +261,8 @@ CONTROLLERS: Mapping[str, tuple[str, str, str, _Writer]] = MappingProxyType(
         "linuxcnc": (_G + r"|G59\.[1-3]", "G54", "G54", partial(_offset, turn="R")),
         "grbl": (_G, "G54", "G54", partial(_offset, turn="none")),
         "haas": (_G, "G54", "G54", partial(_offset, turn="G68")),
-        "fanuc": ("[1-9]", "1", "1", _fanuc),
+        "siemens": (r"G5[4-7]", "G54", "G54", _siemens),
+        "fanuc": (_G + "|[1-9]", "G54 (machine tool) or fanuc:1 (robot)", "1", _fanuc_frame),
         "kuka": (r"[1-9]|[12]\d|3[0-2]", "1", "1", _kuka),
         "abb": (_NAME, "wobj_part", "wobj_part", _abb),
         "ur": (_NAME, "part_frame", "part_frame", _ur),

@@ -17,6 +17,7 @@ from tanteo.io.readings.headers import (
     advice_on_size,
     canonical,
     is_unrelated,
+    with_coordinates,
     with_group,
     with_id,
     with_true_distance,
@@ -135,6 +136,7 @@ def read_header(
         shown = show(" ".join(written))
         raise ReadingsError(f"{place}: expected commas between columns, got '{shown}'. Write it comma-separated.")
     canonicals = without_nominal([canonical(name) for name in written], written)
+    canonicals = canonicals if _are_clear(canonicals) else with_coordinates(canonicals, written)
     names = as_hand(with_true_distance(with_group(with_id(canonicals))))
     names = [with_unit(name, unit) for name, unit in zip(names, below, strict=True)] if below else names
     notation = notation_of(names)

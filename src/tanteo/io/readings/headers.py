@@ -147,6 +147,36 @@ def without_nominal(names: Sequence[str], written: Sequence[str]) -> list[str]:
     return [f"nominal_{n}" if n in sure and not m else n for n, m in zip(names, measured, strict=True)]
 
 
+_NO_POINT = re.compile(
+    r"nom|nominal|soll|theo\w*|teor\w*|dev\w*|abw\w*|ecart|scarto|tol\w*|delta|diff\w*|err\w*|hand|normal|dir\w*|ref\w*|cad"
+)
+"""Words of vectors that are no measured point."""
+
+
+def with_coordinates(names: Sequence[str], written: Sequence[str]) -> list[str]:
+    """Return column names in which three columns that differ in a word ``x``, ``y``, ``z`` only are the coordinates.
+
+    They keep their names if there are none or several such triples, as nominal and measured points are.
+
+    Args:
+        names: canonical column names.
+        written: header cells as written.
+    """
+    found = dict[str, dict[str, int]]()
+    for k, cell in enumerate(written):
+        tokens = re.findall(r"[^\W_]+", _BRACKETS.sub(r"\1", _plain(cell)))
+        axes = [token for token in tokens if token in ("x", "y", "z")]
+        if len(axes) == 1 and not any(_NO_POINT.fullmatch(token) for token in tokens):
+            pattern = " ".join("*" if token == axes[0] else token for token in tokens)
+            found.setdefault(pattern, {}).setdefault(axes[0], k)
+    triples = [columns for columns in found.values() if len(columns) == len("xyz")]
+    if len(triples) != 1:
+        return list(names)
+    at = {k: axis for axis, k in triples[0].items()}
+    units = [match[1] if (match := re.search(r"(_(?:mm|um|in|m))$", name)) else "" for name in names]
+    return [f"{at[k]}{units[k]}" if k in at else name for k, name in enumerate(names)]
+
+
 def _plain(cell: str) -> str:
     """Return a header cell in small letters without accents."""
     return "".join(c for c in normalize("NFKD", cell.lower()) if not combining(c))
