@@ -149,8 +149,9 @@ def without_nominal(names: Sequence[str], written: Sequence[str]) -> list[str]:
 
 _NO_POINT = re.compile(
     r"nom|nominal|soll|theo\w*|teor\w*|dev\w*|abw\w*|ecart|scarto|tol\w*|delta|diff\w*|err\w*|hand|normal|dir\w*|ref\w*|cad"
+    r"|cm|dm|km|nm|ft|px"
 )
-"""Words of vectors that are no measured point."""
+"""Words of vectors that are no measured point, and units that are not accepted."""
 
 
 def with_coordinates(names: Sequence[str], written: Sequence[str]) -> list[str]:
