@@ -1,4 +1,4 @@
-"""Options that the findings advise, on scenes where their cause is absent: the answer stays honest."""
+"""Options that the findings advise, on scenes where their cause is absent: the covariance stays calibrated."""
 
 from __future__ import annotations
 
