@@ -186,10 +186,11 @@ def identify(
         shared_errors=shared_errors, significance=significance, priors=priors, views=views, factors=factors,
         seed=seed, settings=settings,
     )  # fmt: skip
-    start = time.perf_counter()
-    several = equal_parts(answer, readings, parts, question, count)
-    answer = answer if several is None else replace(several, elapsed=answer.elapsed)
-    answer = with_elapsed(answer, equal_parts=time.perf_counter() - start)
+    if count is not None or answer.status == "unknown" or (answer.best is not None and answer.best.outliers):
+        start = time.perf_counter()
+        several = equal_parts(answer, readings, parts, question, count)
+        answer = answer if several is None else replace(several, elapsed=answer.elapsed)
+        answer = with_elapsed(answer, equal_parts=time.perf_counter() - start)
     if answer.status == "unknown" and placed and not any(isinstance(f, PriorContradicted) for f in answer.findings):
         answer = answer.adding(CheckPrior())
     answer = _without_features(answer, readings, parts)
