@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 
 import numpy as np
@@ -30,6 +31,8 @@ def test_the_report_has_the_command_that_repeats_it(run, ended_session, tmp_path
     assert page.startswith("<!doctype html>")
     assert f"tanteo locate &#x27;{ended_session[1]}&#x27; --part" in page
     assert "<h1>block, located to " in page
+    for name in (ended_session[1], ended_session[3]):
+        assert hashlib.sha256(name.read_bytes()).hexdigest()[:16] in page
 
 
 def test_beside_json_only_the_document_is_on_standard_output(run, ended_session, tmp_path):

@@ -6,8 +6,10 @@ import os
 import shlex
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from datetime import UTC, datetime
+from hashlib import file_digest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -206,7 +208,18 @@ def this_run(*facts: tuple[str, str]) -> Run:
     from tanteo import __version__
     from tanteo.render.html import Run
 
-    return Run(shlex.join(TYPED.get()), f"tanteo {__version__}", facts)
+    made_by = f"tanteo {__version__}, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC"
+    return Run(shlex.join(TYPED.get()), made_by, facts, _checksums(TYPED.get()))
+
+
+def _checksums(words: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """Return the files among the words of a command with the beginning of their SHA-256, without reports."""
+    given = [part for word in words[1:] for part in (word, word.partition("=")[2]) if part]
+    out = []
+    for name in dict.fromkeys(name for name in given if Path(name).is_file() and not name.endswith((".html", ".htm"))):
+        with Path(name).open("rb") as file, suppress(OSError):
+            out.append((name, file_digest(file, "sha256").hexdigest()[:16]))
+    return tuple(out)
 
 
 def write_page(path: str, page: str, *, as_json: bool) -> None:

@@ -11,12 +11,14 @@ import pytest
 
 from report_scenes import SD, ball, touches
 from tanteo.errors import InputError
+from tanteo.geometry import UncertainFrame
+from tanteo.io import write_pose
 from tanteo.posterior import Answer
 from tanteo.recognition import identify, locate
 from tanteo.render.html import Run, Section, element, gather, headline, report_page, write_report
 from tanteo.sensors import Readings
 from tanteo.words import details_of, p_equals, percent
-from tanteo.words.findings import CloseTogether, Located, NothingSensed, SeveralPoses
+from tanteo.words.findings import AccuracyNeeded, CloseTogether, Located, NothingSensed, SeveralPoses
 
 MOST_BYTES = 6_000_000
 
@@ -40,6 +42,18 @@ def test_it_has_the_answer_the_wrong_reading_and_the_command(run, wedge):
     for words in ("[mm]", "world", "right perturbation", "noise of the sensor", "touches.csv"):
         assert words in page
     assert scene_of(page)["hypotheses"][0]["wrong"] == [int(i == 7) for i in range(len(readings))]
+
+
+def test_a_pose_for_controllers_is_that_of_a_usable_answer(run, wedge):
+    readings, answer = run
+    assert answer.status == "recognized"
+    page = report_page(answer, gather(readings), [wedge], Run("tanteo"))
+    frame = UncertainFrame(answer.best.T_world_part, answer.best.covariance)
+    assert write_pose("kuka", frame).text in page
+    assert "roll, pitch, yaw" in page
+    missed = answer.adding(AccuracyNeeded(wedge.name, 1e-3, 1e-4, reached=False))
+    for other in (replace(answer, status="ambiguous"), missed):
+        assert "notation of controllers" not in report_page(other, gather(readings), [wedge], Run("tanteo"))
 
 
 def test_the_same_answer_is_the_same_file(run, wedge):

@@ -6,6 +6,7 @@ from .contacts import gather as gather
 from .course import course_section as course_section
 from .course import goal_words as goal_words
 from .discrimination import distinction_page as distinction_page
+from .origin import Run as Run
 from .page import Section as Section
 from .page import element as element
 from .page import photo_section as photo_section
@@ -18,7 +19,6 @@ from .uncertainty import Source as Source
 from .uncertainty import make_budget as make_budget
 from .ways import find_ways as find_ways
 from .words import headline as headline
-from .write import Run as Run
 from .write import report_page as report_page
 from .write import session_page as session_page
 from .write import write_report as write_report

@@ -13,11 +13,11 @@ from tanteo.planning import Probe
 from tanteo.planning.discrimination import Discrimination
 from tanteo.posterior import box_corners
 from tanteo.render.html.answered import Layer, picture, switch_row
+from tanteo.render.html.origin import Run
 from tanteo.render.html.page import Front, Html, Section, element, fact_list, join, make_page, table
 from tanteo.render.html.scene import packed, part_document, pose_numbers, view_document
 from tanteo.render.html.sections import rerun_section
 from tanteo.render.html.words import MM, fixed
-from tanteo.render.html.write import Run
 
 
 def distinction_page(found: Discrimination, parts: Sequence[Part], probe: Probe, run: Run) -> str:
@@ -38,7 +38,7 @@ def distinction_page(found: Discrimination, parts: Sequence[Part], probe: Probe,
     chip, status = ("✓ planned", "recognized") if found.discriminates else ("✕ not discriminated", "unknown")
     front = Front(title, chip, status, found.message, shown, _side(found, probe, run))
     sections = [_reading(found)] if there else []
-    sections.append(rerun_section(run.command, f"{run.made_by}."))
+    sections.append(rerun_section(run, f"{run.made_by}."))
     return make_page(front, _scene(found, parts), sections)
 
 

@@ -14,12 +14,12 @@ from tanteo.planning import Plan, PlannedReading, Probe
 from tanteo.posterior import box_corners
 from tanteo.render.html.answered import Layer, picture, times
 from tanteo.render.html.charts import SHARES, Curve, curve_chart, lengths_scale
+from tanteo.render.html.origin import Run
 from tanteo.render.html.page import Front, Html, Section, element, fact_list, join, make_page, table
 from tanteo.render.html.scene import overlay_numbers, packed, part_document, pose_numbers, view_document
 from tanteo.render.html.sections import pose_figures, rerun_section
 from tanteo.render.html.ways import Way, find_ways
 from tanteo.render.html.words import MM, fixed, length, uncertain
-from tanteo.render.html.write import Run
 from tanteo.words import percent
 
 _ARROW = 0.3
@@ -39,7 +39,7 @@ def plan_page(plan: Plan, part: Part, probe: Probe, tolerance: float, confidence
     """
     ways, enlarged = find_ways(part, plan.T_world_part, plan.readings[-1].covariance) if plan.readings else ((), 1)
     sections = [_steps(plan, tolerance, confidence), _figures(plan)] if plan.readings else []
-    sections.append(rerun_section(run.command, f"{run.made_by}."))
+    sections.append(rerun_section(run, f"{run.made_by}."))
     front = _front(plan, probe, tolerance, confidence, run, ways, enlarged)
     return make_page(front, _scene(plan, part, ways), sections)
 

@@ -3,32 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
-from tanteo.geometry import SO3
+from tanteo.geometry import SE3, SO3, UncertainFrame
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
+from tanteo.io import BRANDS, pose_as_brand, write_pose
 from tanteo.planning.explanation import Direction
+from tanteo.posterior import Answer
 from tanteo.posterior.answers import prior_rows
+from tanteo.posterior.symmetry import upright
 from tanteo.render.html.charts import residual_chart
 from tanteo.render.html.contacts import Sensed
+from tanteo.render.html.origin import Run
 from tanteo.render.html.page import Html, Section, element, join, per_hypothesis, table
 from tanteo.render.html.scene import Candidate
 from tanteo.render.html.words import MM, fixed
 from tanteo.words import percent
+from tanteo.words.findings import AccuracyNeeded
 
 
-def figure_section(candidates: Sequence[Candidate]) -> Section:
+def figure_section(candidates: Sequence[Candidate], answer: Answer) -> Section:
     """Return the section with pose, covariance and fit of every hypothesis.
+
+    The notations of controllers are shown if a frame may be written, see :func:`_may_be_used`.
 
     Args:
         candidates: hypotheses, best first.
+        answer: the answer.
     """
     lead = "The pose maps points of the part to the world. Every figure has its frame and its unit."
-    return Section("figures", "All figures", lead, per_hypothesis(candidates, _pose_table))
+    used = _may_be_used(answer)
+    return Section("figures", "All figures", lead, per_hypothesis(candidates, partial(_pose_table, used=used)))
 
 
-def _pose_table(candidate: Candidate) -> Html:
+def _may_be_used(answer: Answer) -> bool:
+    """Return whether a machine may use the pose: recognized, without a probable mistake, accurate as needed."""
+    missed = any(isinstance(one, AccuracyNeeded) and not one.reached for one in answer.findings)
+    return answer.status == "recognized" and not missed and not any(one.subject for one in answer.findings)
+
+
+def _pose_table(candidate: Candidate, *, used: bool) -> Html:
     h = candidate.hypothesis
     more = [
         ("largest corner sd", f"{MM * h.corner_sd:.2g}", "mm", "any direction"),
@@ -36,7 +52,12 @@ def _pose_table(candidate: Candidate) -> Html:
         ("chi-square", f"{h.chi2:.3g} with {h.dof} degrees of freedom", "–", "–"),
         ("p-value", f"{h.p_value:.3g}", "–", "–"),
     ]
-    return join([pose_figures(h.T_world_part, h.covariance, more), element("p", f"CAD file: {h.file}", class_="note")])
+    tables = [pose_figures(h.T_world_part, h.covariance, more)]
+    if used:
+        S = upright(candidate.part, h.T_world_part)
+        A = SE3.adjoint_inverse(S)
+        tables.append(_controllers(UncertainFrame(h.T_world_part @ S, A @ h.covariance @ A.T)))
+    return join([*tables, element("p", f"CAD file: {h.file}", class_="note")])
 
 
 def pose_figures(T: Transforms, C: Covariances, more: Sequence[Sequence[str]] = ()) -> Html:
@@ -55,6 +76,10 @@ def pose_figures(T: Transforms, C: Covariances, more: Sequence[Sequence[str]] = 
         for axis, p, s in zip("xyz", T[:3, 3], in_world, strict=True)
     ]
     rows.append(("quaternion w, x, y, z", ", ".join(fixed(v, 6) for v in q), "–", "part to world"))
+    angles = pose_as_brand("paper", T)[3:]
+    rows.append(
+        ("roll, pitch, yaw (fixed x, y, z)", ", ".join(fixed(v, 4) for v in np.degrees(angles)), "deg", "world")
+    )
     rows += [
         (f"rotation about {axis}, 1 sd", f"{np.degrees(s):.3g}", "deg", "part")
         for axis, s in zip("xyz", sds[3:], strict=True)
@@ -70,6 +95,14 @@ def pose_figures(T: Transforms, C: Covariances, more: Sequence[Sequence[str]] = 
             element("details", element("summary", "Covariance [m, rad], part frame, right perturbation"), covariance),
         ]
     )
+
+
+def _controllers(frame: UncertainFrame) -> Html:
+    """Return a pose in the notation of each controller."""
+    written = [write_pose(name, frame) for name in sorted(BRANDS) if name not in ("paper", "ros")]
+    rows = [(w.name, w.text, w.units) for w in written]
+    poses = table(["controller", "pose of the part in the world", "units"], rows)
+    return element("details", element("summary", "Pose in the notation of controllers"), poses)
 
 
 def _matrix(names: Sequence[str], M: FloatArray, form: str) -> list[list[str]]:
@@ -207,18 +240,18 @@ def _rows(candidate: Candidate) -> IntArray:
     return np.unique(np.concatenate([np.linspace(0, n - 1, _MOST_ROWS // 2).astype(np.int64), wrong]))
 
 
-def rerun_section(command: str, made: str) -> Section:
-    """Return the section with the command that repeats the result.
+def rerun_section(run: Run, made: str) -> Section:
+    """Return the section with the command that repeats the result, and its files.
 
     Args:
-        command: command line.
+        run: origin of the result.
         made: program, version and seed, for a note.
     """
-    body = join(
-        [
-            element("pre", element("code", command, id="command"), tabindex="0"),
-            element("button", "Copy", type="button", id="copy", aria_label="Copy the command"),
-            element("p", made, class_="note"),
-        ]
-    )
-    return Section("rerun", "Run it again", "The same files and options give the same answer.", (body,))
+    parts = [
+        element("pre", element("code", run.command, id="command"), tabindex="0"),
+        element("button", "Copy", type="button", id="copy", aria_label="Copy the command"),
+        element("p", made, class_="note"),
+    ]
+    if run.files:
+        parts.append(table(["file", "SHA-256, first 16 digits"], run.files))
+    return Section("rerun", "Run it again", "The same files and options give the same answer.", (join(parts),))

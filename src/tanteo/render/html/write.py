@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,27 +18,13 @@ from tanteo.render.html.answered import answer_front
 from tanteo.render.html.combined import budget_section
 from tanteo.render.html.contacts import Sensed, find_contacts, gather
 from tanteo.render.html.course import course_section, goal_words
+from tanteo.render.html.origin import Run
 from tanteo.render.html.page import Section, make_page
 from tanteo.render.html.scene import Candidate, scene_document, shapes_shown
 from tanteo.render.html.sections import directions_of, figure_section, rerun_section, residual_section, rests_section
 from tanteo.render.html.ways import find_ways
 from tanteo.replaced import replaced
 from tanteo.sensors import Readings
-
-
-@dataclass(frozen=True, slots=True)
-class Run:
-    """Origin of a result, so that the user can repeat it.
-
-    Attributes:
-        command: command line that repeats the result.
-        made_by: program and version.
-        facts: further facts beside the picture, as name and value.
-    """
-
-    command: str
-    made_by: str = "tanteo"
-    facts: tuple[tuple[str, str], ...] = ()
 
 
 def report_page(answer: Answer, sensed: Sensed, parts: Sequence[Part], run: Run, more: Sequence[Section] = ()) -> str:
@@ -104,7 +90,7 @@ def _page(
     eye_direction: Vectors | None = None,
 ) -> str:
     made = f"{run.made_by}, seed {answer.seed}; readings: {sensed.source}."
-    last = [figure_section(candidates), rerun_section(run.command, made)]
+    last = [figure_section(candidates, answer), rerun_section(run, made)]
     shapes = shapes_shown(candidates, sensed)
     front = answer_front(answer, candidates, sensed, run.facts, shapes)
     front = replace(front, message=f"{goal} {front.message}".strip())
