@@ -6,6 +6,8 @@ Subjects:
 
 - ``cast``: sessions with a stylus of 0.05 mm on parts each face of which is displaced by 0.2 mm, to 0.5 mm.
 - ``exact``: sessions with a touch of 0.15 mm on exact parts, to 0.3 mm.
+- ``next``: logs of the 3-2-1 rule at random places, with the seventh touch that ``next_reading`` names.
+- ``tip``: touches with poses of the hand whose tip is 0.4 mm off, without a stated error of the tip.
 - ``plans``: planned touches of the parts, made at placements from the prior and evaluated by ``locate``.
 
 ``--processes`` and ``--keep`` work as in ``campaign.py``.
@@ -24,9 +26,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from campaign import options, run_cases
 from common import Table
+from scipy.stats import chi2
 
 import tanteo
-from sensing_scenes import carried_out, made_session, off, sense_made
+from log_of_touches import with_the_seventh
+from sensing_scenes import carried_out, made_session, off, sense_made, touches_of_hand
 from tanteo.geometry import SE3
 from tanteo.planning import Probe, plan
 from tanteo.planning.start import at_pose
@@ -107,6 +111,66 @@ def plans(scenes, seed, keep, processes):
     return Table("Plans", text, COLUMNS, [*rows, _row("all", [row for _, row in done])])
 
 
+LOGS = "bracket_left", "clamp", "housing"
+
+
+def seventh(name, seed, scene):
+    """Locate a part by six touches of the 3-2-1 rule, and again with a seventh."""
+    part, rng = target(name).part, np.random.default_rng((seed, scene))
+    first, second, T = with_the_seventh(part, rng)
+    off = SE3.log(SE3.inverse(second.best.T_world_part) @ T)
+    return {
+        "before": first.status == "recognized", "after": second.status == "recognized",
+        "inside": bool(off @ np.linalg.solve(second.best.covariance, off) < chi2.ppf(0.95, 6)),
+    }  # fmt: skip
+
+
+def following(scenes, seed, keep, processes):
+    """Return a table of 3-2-1 logs, recognized before and after the seventh touch."""
+    cases = [(LOGS[k % len(LOGS)], seed, k) for k in range(scenes)]
+    done = list(zip(cases, run_cases(seventh, cases, keep, processes), strict=True))
+    table = []
+    for name in (*LOGS, "all"):
+        rows = [row for case, row in done if name in (case[0], "all")]
+        sure = [row for row in rows if row["after"]]
+        table.append((
+            name, f"{sum(row['before'] for row in rows)}/{len(rows)}", f"{len(sure)}/{len(rows)}",
+            f"{sum(row['inside'] for row in sure)}/{len(sure)}",
+        ))  # fmt: skip
+    columns = "part", "recognized by six", "recognized by seven", "truth in the 95 % region then"
+    return Table(
+        "The seventh touch of a 3-2-1 log", f"Touches of 0.05 mm at random places; seed {seed}.", columns, table
+    )
+
+
+TIP_OFF = 4e-4
+
+
+def tipped(name, seed, scene):
+    """Locate a part by 14 touches whose tip is off by the same vector in the frame of the hand."""
+    part, rng = target(name), np.random.default_rng((seed, scene))
+    T, readings = touches_of_hand(part, rng, 14, TIP_OFF)
+    answer = tanteo.locate(readings, part.part)
+    away = [SE3.log(SE3.inverse(answer.best.T_world_part) @ T @ S) for S in part.part.symmetry.Ts]
+    least = min(float(x @ np.linalg.solve(answer.best.covariance, x)) for x in away)
+    return {"recognized": answer.status == "recognized", "inside": bool(least < chi2.ppf(0.95, 6))}
+
+
+def tips(scenes, seed, keep, processes):
+    """Return a table of touches with an unstated error of the tip."""
+    cases = [(PARTS[k % len(PARTS)], seed, k) for k in range(scenes)]
+    done = list(zip(cases, run_cases(tipped, cases, keep, processes), strict=True))
+    table = []
+    for name in (*PARTS, "all"):
+        rows = [row for case, row in done if name in (case[0], "all") and row["recognized"]]
+        count = sum(name in (case[0], "all") for case, _ in done)
+        table.append((name, f"{len(rows)}/{count}", f"{sum(row['inside'] for row in rows)}/{len(rows)}"))
+    text = (
+        f"14 touches of 0.05 mm with poses of the hand, tip off by {1e3 * TIP_OFF:g} mm, nothing stated; seed {seed}."
+    )
+    return Table("Tips that are off", text, ("part", "recognized", "truth in the 95 % region"), table)
+
+
 def _row(name, rows):
     ended = [row for row in rows if row["reached"]]
     stated, kept = (np.array([row[key] for row in ended], dtype=float) for key in ("stated", "kept"))
@@ -127,7 +191,7 @@ def main():
     many = scenes, seed, keep, processes
     subjects = {
         "cast": lambda: sessions("cast", *many), "exact": lambda: sessions("exact", *many),
-        "plans": lambda: plans(*many),
+        "plans": lambda: plans(*many), "next": lambda: following(*many), "tip": lambda: tips(*many),
     }  # fmt: skip
     if subject not in subjects:
         sys.exit(f"subject: expected one of {', '.join(subjects)}, got {subject}.")

@@ -10,7 +10,7 @@ import pytest
 from tanteo import _core, locate
 from tanteo.errors import InputError
 from tanteo.factors import FreeRays
-from tanteo.geometry import SE3
+from tanteo.geometry import SE3, SO3
 from tanteo.planning import Action, Done, Probe, Sensing, SensingState, Session, Stop, at_place
 from tanteo.planning.places import places_of
 from tanteo.planning.policies import policy_named
@@ -152,6 +152,20 @@ def sense_made(session, target, T, offsets, rng):
             distance = max(distance - outward / max(cosine, 0.2) + sd * rng.normal(), 1e-6)
         session.tell(action.read(distance))
     return action
+
+
+def touches_of_hand(target, rng, count, tip_off, sd=5e-5):
+    """Return a pose and touches with poses of the hand, whose tip is off by one vector in the frame of the hand."""
+    T = SE3.exp(np.r_[0.1 * rng.normal(size=3), 0.5 * rng.normal(size=3)])
+    rows = rng.choice(len(target.samples), count, replace=False)
+    outward = target.normals[rows] @ T[:3, :3].T
+    hands = np.tile(np.eye(4), (count, 1, 1))
+    hands[:, :3, :3] = SO3.frame_from_axis(-outward, 2) @ SO3.exp(rng.uniform(-np.pi, np.pi, (count, 1)) * [0, 0, 1.0])
+    offset = rng.normal(size=3)
+    offset *= tip_off / np.linalg.norm(offset)
+    points = SE3.apply(T, target.samples[rows]) - hands[:, :3, :3] @ offset + sd * rng.normal(size=(count, 3))
+    hands[:, :3, 3] = points + 0.1 * outward
+    return T, Readings.from_columns(points, directions=-outward, sds=np.full(count, sd), Ts_world_hand=hands)
 
 
 def made_session(target, form_sd, rng, seed=0, sd=5e-5, **stop):

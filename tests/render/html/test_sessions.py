@@ -25,6 +25,7 @@ from tanteo.render.html import (
     session_page,
 )
 from tanteo.sensors import Readings
+from tanteo.sensors.error_states import Drift, Form, Scale
 
 RUN = Run("tanteo replay s.json", "tanteo 1", (("Least clearance", "3 <mm>"),))
 
@@ -70,8 +71,9 @@ def test_the_directions_of_session_are_those_of_its_explanation(session):
 def test_shares_of_a_direction_are_those_of_the_information(wedge):
     readings = touches(wedge, np.random.default_rng(1))
     sensed = gather(readings)
-    exactly = Priors(noise_factor=1.0)
-    one = candidate(locate(readings, wedge, priors=exactly).hypotheses[0], sensed, wedge)
+    exactly, none = Priors(noise_factor=1.0), (Scale(1e-9), Drift(1e-9), Form(1e-9))  # nothing is assumed
+    best = locate(readings, wedge, priors=exactly, shared_errors=none).hypotheses[0]
+    one = candidate(best, sensed, wedge)
     local = (readings.points[:] - TRUTH[:3, 3]) @ TRUTH[:3, :3]
     n = np.repeat(wedge.planes.normals, 5, axis=0)
     rows = np.concatenate([n, np.cross(local, n)], axis=1) / SD
