@@ -1,19 +1,28 @@
-"""Questions that once took unusually long: ``python benchmarks/cliffs.py [ROW ...] [seeds]``.
+"""Questions that once took unusually long: ``python benchmarks/cliffs.py [ROW ...] [seeds] [history]``.
 
-Each row is a few scenes of one kind with their median and worst processor time, preparation of the part not counted
-except in rows of first calls. Organic meshes are smooth closed shapes of 16,000 triangles, drawn by spherical waves.
+Each row is a few scenes of one kind with their median and worst processor time beside the aim. Preparation of the part
+is not counted, except in rows of first calls, which read a mesh file in a process of their own. Organic meshes are
+smooth closed shapes of 16,000 triangles, drawn by spherical waves. Ratio: median over aim.
+
+``history`` appends the rows to ``benchmarks/history.csv``: the median over the time of a fixed task of NumPy in the
+same process, so that computers of different speed compare.
 """
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
 import sys
+import tempfile
 import time
 from collections import Counter
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+from bench_cost import high_water
 from common import Table
 
 import tanteo
@@ -33,31 +42,34 @@ def demo():
 def sphere(rows):
     """Return vertices and triangles of a unit sphere of ``4 rows^2`` triangles."""
     polar, turn = np.linspace(0, np.pi, rows + 1)[1:-1], np.linspace(0, 2 * np.pi, 2 * rows, endpoint=False)
-    ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    inner = [np.column_stack([np.sin(p) * ring, np.full(len(turn), np.cos(p))]) for p in polar]
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    inner = [np.column_stack([np.sin(p) * circle, np.full(len(turn), np.cos(p))]) for p in polar]
     vertices = np.concatenate([[[0, 0, 1.0]], *inner, [[0, 0, -1.0]]])
-    n, triangles = len(turn), []
-    for k in range(n):
-        after = (k + 1) % n
-        triangles.append((0, 1 + k, 1 + after))
-        last = 1 + n * (rows - 2)
-        triangles.append((len(vertices) - 1, last + after, last + k))
-        for r in range(rows - 2):
-            a, b = 1 + n * r + k, 1 + n * r + after
-            triangles += [(a, a + n, b), (b, a + n, b + n)]
-    return vertices, np.array(triangles)
+    rings = 1 + np.arange(len(turn) * len(polar)).reshape(len(polar), -1)
+    after, top, bottom = np.roll(rings, -1, axis=1), np.zeros_like(rings[0]), np.full_like(rings[0], len(vertices) - 1)
+    triangles = [
+        np.stack([top, rings[0], after[0]], axis=-1),
+        np.stack([rings[:-1], rings[1:], after[:-1]], axis=-1).reshape(-1, 3),
+        np.stack([after[:-1], rings[1:], after[1:]], axis=-1).reshape(-1, 3),
+        np.stack([bottom, after[-1], rings[-1]], axis=-1),
+    ]
+    return vertices, np.concatenate(triangles)
 
 
-@cache
-def organic(seed, rows=64):
-    """Return a smooth closed part without flat faces or symmetries, about 100 mm large."""
+def waves(seed, rows):
+    """Return vertices [m] and triangles of a smooth closed shape without symmetries, about 100 mm large."""
     rng = np.random.default_rng(seed)
     vertices, triangles = sphere(rows)
     radius = np.ones(len(vertices))
     for _ in range(8):
         radius += 0.08 * np.cos(vertices @ rng.normal(size=3) * 2 + rng.uniform(0, 2 * np.pi))
-    body = vertices * radius[:, None] * rng.uniform(0.03, 0.06, 3)
-    return tanteo.part_from_mesh(body, triangles, unit="m", name=f"organic_{seed}")
+    return vertices * radius[:, None] * rng.uniform(0.03, 0.06, 3), triangles
+
+
+@cache
+def organic(seed, rows=64):
+    """Return a smooth closed part of ``4 rows^2`` triangles without flat faces."""
+    return tanteo.part_from_mesh(*waves(seed, rows), unit="m", name=f"organic_{seed}")
 
 
 @cache
@@ -90,37 +102,107 @@ def touches(part, rng, n, sd):
     return SE3.apply(T, p) + sd * rng.normal(size=(n, 3)), normals
 
 
-def question(parts, n, sd, *, own=None, with_normals=False):
-    """Return a function that identifies scene ``k``: processor time [ms], whether the part is right, and status."""
+def question(parts, n, sd, *, own=None, with_normals=False, missing=False):
+    """Return a function that identifies scene ``k``: processor time [ms], whether the part is right, and status.
+
+    If ``missing``, the part is not among the candidates, and no answer that is sure of one is right.
+    """
 
     def identified(k):
         rng = np.random.default_rng((k, n))
         among = parts()
         part = among[k % len(among)] if own is None else own()
+        if missing:
+            among = tuple(one for one in among if one is not part)
         points, normals = touches(part, rng, n, sd)
         more = {"normals": normals, "normal_sds": np.full(n, 0.05)} if with_normals else {}
         readings = tanteo.Readings.from_columns(points=points, sds=np.full(n, sd), **more)
         start = time.process_time()
         answer = tanteo.identify(readings, among)
         ms = 1e3 * (time.process_time() - start)
-        return ms, bool(answer.hypotheses) and answer.hypotheses[0].part == part.name, answer.status
+        first = bool(answer.hypotheses) and answer.hypotheses[0].part == part.name
+        return ms, answer.status != "recognized" if missing else first, answer.status
 
     return identified
 
 
+@dataclass(frozen=True)
+class Row:
+    """Scenes of one kind, their number, and the aim of the median and of the peak of memory [ms, MB]."""
+
+    identified: object
+    count: int
+    aim: float
+    memory: float = float("nan")
+
+
+def first_call(rows):
+    """Return a function that reads a mesh file and locates touches on it, in a new process: also the peak memory."""
+
+    def identified(k):
+        done = subprocess.run(
+            [sys.executable, __file__, "first", str(rows)], capture_output=True, text=True, check=True
+        )
+        return tuple(json.loads(done.stdout))
+
+    return identified
+
+
+def first(rows):
+    """Print time [ms], whether the answer is recognized, status and peak memory [MB] of one file as a JSON list."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "part.stl"
+        vertices, triangles = waves(0, rows)
+        body = np.zeros(len(triangles), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("unused", "<u2")])
+        body["corners"] = 1e3 * vertices[triangles]
+        file.write_bytes(b"".ljust(80) + np.uint32(len(body)).tobytes() + body.tobytes())
+        del vertices, triangles, body
+        Path("/proc/self/clear_refs").write_text("5")
+        start = time.process_time()
+        part = tanteo.read_part(file, unit="mm")
+        points, _ = touches(part, np.random.default_rng(0), 20, 3e-4)
+        answer = tanteo.locate(tanteo.Readings.from_columns(points=points, sds=np.full(20, 3e-4)), part)
+        ms = 1e3 * (time.process_time() - start)
+    print(json.dumps([ms, answer.status == "recognized", answer.status, high_water()]))
+
+
 ROWS = {
-    "3 points, 12 parts": (question(demo, 3, 3e-4), 12),
-    "4 points, 12 parts": (question(demo, 4, 3e-4), 12),
-    "6 points, 12 parts": (question(demo, 6, 3e-4), 12),
-    "12 points of 2 mm, 12 parts": (question(demo, 12, 2e-3), 12),
-    "12 points of 5 mm, 12 parts": (question(demo, 12, 5e-3), 12),
-    "75 points of 5 mm on 320 facets": (question(lambda: (faceted(160),), 75, 5e-3), 4),
-    "organic, 12 contacts with normals": (question(lambda: (organic(0),), 12, 3e-4, with_normals=True), 3),
-    "ten organic, 12 contacts with normals": (
-        question(lambda: tuple(organic(seed) for seed in range(10)), 12, 3e-4, with_normals=True),
-        2,
+    "part in no folder, 12 points, 11 parts": Row(question(demo, 12, 3e-4, missing=True), 12, 400),
+    "3 points, 12 parts": Row(question(demo, 3, 3e-4), 12, 100),
+    "4 points, 12 parts": Row(question(demo, 4, 3e-4), 12, 100),
+    "6 points, 12 parts": Row(question(demo, 6, 3e-4), 12, 100),
+    "12 points of 2 mm, 12 parts": Row(question(demo, 12, 2e-3), 12, 200),
+    "12 points of 5 mm, 12 parts": Row(question(demo, 12, 5e-3), 12, 200),
+    "75 points of 5 mm on 320 facets": Row(question(lambda: (faceted(160),), 75, 5e-3), 4, 1000),
+    "organic, 12 contacts with normals": Row(question(lambda: (organic(0),), 12, 3e-4, with_normals=True), 3, 1000),
+    "ten organic, 12 contacts with normals": Row(
+        question(lambda: tuple(organic(seed) for seed in range(10)), 12, 3e-4, with_normals=True), 2, 5000
     ),
+    "first call, 327,000 facets": Row(first_call(286), 1, 2000, 400),
+    "first call, STL file of 109 MB": Row(first_call(738), 1, 10_000, 1000),
 }
+
+
+def fixed_task():
+    """Return the processor time [ms] of a fixed task of NumPy: products, a factorization and a sort."""
+    rng = np.random.default_rng(1991)
+    matrix, numbers = rng.normal(size=(400, 400)), rng.random(1_000_000)
+    times = []
+    for _ in range(5):
+        start = time.process_time()
+        np.linalg.cholesky(matrix @ matrix.T + 400 * np.eye(400))
+        np.sort(numbers)
+        times.append(1e3 * (time.process_time() - start))
+    return min(times)
+
+
+def append_history(medians):
+    """Append the medians of rows over the time of the fixed task to the history."""
+    git = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, cwd=ROOT, check=False)
+    task = fixed_task()
+    with (ROOT / "benchmarks" / "history.csv").open("a", encoding="utf-8") as file:
+        for name, ms in medians.items():
+            file.write(f'{time.strftime("%Y-%m-%d")},{git.stdout.strip()},"{name}",{ms / task:.3g}\n')
 
 
 def spread_of_seeds(scenes=8, seeds=5):
@@ -151,22 +233,33 @@ def spread_of_seeds(scenes=8, seeds=5):
 
 def main():
     """Print the table of the rows that the arguments name."""
-    chosen = [name for name in ROWS if not sys.argv[1:] or any(word in name for word in sys.argv[1:])]
-    lines = []
-    for name in chosen:
-        identified, count = ROWS[name]
-        identified(count)  # prepares the parts
-        found = [identified(k) for k in range(count)]
+    words = [word for word in sys.argv[1:] if word not in ("seeds", "history")]
+    chosen = {name: row for name, row in ROWS.items() if not sys.argv[1:] or any(word in name for word in words)}
+    lines, medians = [], {}
+    for name, row in chosen.items():
+        if not row.memory > 0:
+            row.identified(row.count)  # prepares the parts
+        found = [row.identified(k) for k in range(row.count)]
         ms = [one[0] for one in found]
+        medians[name] = float(np.median(ms))
         statuses = ", ".join(sorted({one[2] for one in found}))
-        right = f"{sum(one[1] for one in found)} of {count}"
-        lines.append((name, right, statuses, f"{np.median(ms):.0f}", f"{max(ms):.0f}"))
+        right = f"{sum(one[1] for one in found)} of {row.count}"
+        memory = f"{max(one[3] for one in found):.0f} / {row.memory:.0f}" if row.memory > 0 else ""
+        times = f"{medians[name]:.0f}", f"{max(ms):.0f}", f"{row.aim:.0f}", f"{medians[name] / row.aim:.1f}"
+        lines.append((name, right, statuses, *times, memory))
         print(*lines[-1], file=sys.stderr, flush=True)
     if "seeds" in sys.argv[1:]:
         print(spread_of_seeds().markdown())
-    columns = "scene", "part right", "statuses", "ms, median", "ms, worst"
+    if "history" in sys.argv[1:]:
+        append_history(medians)
+    columns = "scene", "right", "statuses", "ms, median", "ms, worst", "aim", "ratio", "MB / aim"
     print(Table("Unusually slow questions", __doc__.split("\n\n")[1], columns, tuple(lines)).markdown())
 
 
 if __name__ == "__main__":
-    main()
+    for pool in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        assert os.environ.get(pool) == "1", f"{pool}: expected 1, so that processor time is that of one thread."
+    if sys.argv[1:2] == ["first"]:
+        first(int(sys.argv[2]))
+    else:
+        main()

@@ -89,7 +89,8 @@ def about_conventions(
     """Return the usual mistake that explains readings that fit no part, or fit badly; None if there is none.
 
     Each mistake is first tested by a robust fit of the points (:mod:`tanteo.posterior.trial_fit`); only if the fit
-    explains them, the search is repeated, with the parts that explain them and few rounds.
+    explains them, the search is repeated, with the parts that explain them and few rounds. Of readings that are too few
+    for a pose only the unit is checked: they fit under many mistakes.
 
     Args:
         answer: answer from the unchanged readings.
@@ -107,6 +108,8 @@ def about_conventions(
         found = _about_ways(units, some, parts, question, settings)
     if not is_bad(answer, settings):
         return found or (None if placed else _about_image(answer, readings, parts, question, settings))
+    if found is None and answer.hypotheses and not _may_fix(answer, readings, parts, question):
+        return None
     others = [way for way in OTHERS if way.finding is not UnitsConvention]
     others = [way for way in others if not (placed and way.finding is MirrorConvention)]
     found = (
@@ -118,6 +121,12 @@ def about_conventions(
     if found is None or len(some) == len(readings):
         return found
     return replace(found, given=len(readings))
+
+
+def _may_fix(answer: Answer, readings: Readings, parts: Sequence[Part], question: Query) -> bool:
+    """Return whether the readings are enough for a pose of the best part."""
+    best = part_named(parts, answer.hypotheses[0].part)
+    return best is None or question.problem(readings, parts)[0].may_fix(getattr(best, "part", best))
 
 
 def _is_of_size(readings: Readings, parts: Sequence[Part], settings: Settings) -> bool:

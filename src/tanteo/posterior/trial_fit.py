@@ -61,7 +61,7 @@ class TrialFit:
 def trial_fits(problem: Problem, candidates: Candidates, *, offset_sd: float = 0.0) -> list[TrialFit]:
     """Return a trial fit of each part that may be searched, the one that explains most points first.
 
-    None where there are too few points for a fit.
+    The list is empty where there are too few points for a fit.
 
     Args:
         problem: measurements and priors, of which the points count.
