@@ -22,6 +22,7 @@ from tanteo.parts import Part, part_named
 from tanteo.posterior.answers.results import Answer, Hypothesis
 from tanteo.posterior.convention_checks import Query
 from tanteo.posterior.prepared import PreparedPart, prepare
+from tanteo.posterior.settings import DEFAULTS, Settings
 from tanteo.sensors import Readings
 from tanteo.words.findings import SeveralEqual
 
@@ -129,7 +130,9 @@ def _one_by_one(readings: Readings, part: Part, question: Query, count: int | No
     left = np.ones(len(readings), dtype=np.bool_)
     groups = list[BoolArray]()
     while left.sum() >= FEWEST and len(groups) < (count or MOST):
-        found = _answer(question, readings.take(left), part, first=not groups, outlier_rate=_HALF)
+        found = _answer(
+            question, readings.take(left), part, first=not groups, outlier_rate=_HALF, settings=DEFAULTS.brief
+        )
         best = found.hypotheses[0] if found is not None and found.hypotheses else None
         own = left & ~np.isin(ids, list(best.outliers)) if best is not None else ~left
         if own.sum() < FEWEST:
@@ -140,11 +143,17 @@ def _one_by_one(readings: Readings, part: Part, question: Query, count: int | No
 
 
 def _answer(
-    question: Query, readings: Readings, part: Part, *, first: bool, outlier_rate: float | None = None
+    question: Query,
+    readings: Readings,
+    part: Part,
+    *,
+    first: bool,
+    outlier_rate: float | None = None,
+    settings: Settings | None = None,
 ) -> Answer | None:
     """Return the answer for some of the readings; a prior of the pose is that of the first part only."""
     try:
-        return question.answer(readings, [part], outlier_rate=outlier_rate, anywhere=not first)
+        return question.answer(readings, [part], outlier_rate=outlier_rate, anywhere=not first, settings=settings)
     except TanteoError:
         return None
 
