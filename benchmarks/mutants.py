@@ -30,11 +30,11 @@ from campaign import options
 
 ROOT = Path(__file__).parents[1]
 TESTS = {
-    "geometry": ("tests/geometry", "tests/features"),
-    "features": ("tests/features", "tests/fitting", "tests/test_vectors.py"),
+    "geometry": ("tests/geometry", "tests/features", "tests/test_frozen.py"),
+    "features": ("tests/features", "tests/test_frozen.py tests/paper tests/test_vectors.py", "tests/fitting"),
     "factors": (
         "tests/factors",
-        "tests/posterior/test_labels.py tests/posterior/test_pose_prior.py tests/posterior/test_tori.py",
+        "tests/test_frozen.py tests/posterior/test_labels.py tests/posterior/test_pose_prior.py tests/posterior/test_tori.py",
     ),
 }
 """Package: folders of tests, the first for every change, the others for those that pass it."""

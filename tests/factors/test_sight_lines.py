@@ -157,3 +157,12 @@ def test_a_part_without_holes_has_no_rims(block):
     lines = SightLines(origin=[0, 0, 1], directions=[[0, 0, -1]], angle_sd=1e-3, through="rims")
     with pytest.raises(InputError, match=r"expected a part with rims, got block"):
         lines.points(block.part)
+
+
+def test_lines_of_sight_are_no_prior_of_the_pose(block):
+    """The density of the uniform prior counts beside them."""
+    T = SE3.exp(np.array([0.1, 0.0, 0.0, 0.1, 0.2, 0.3]))
+    lines = seen(T, block.part.corners.points[:4], np.random.default_rng(0))
+    touched, priors = surface_points(np.zeros((0, 3)), 1e-4), Priors(radius=0.1)
+    alone, beside = (Problem(touched, FreeRays.none(), priors, pose_factors=given) for given in ((), (lines,)))
+    assert beside.log_pose_density(block) == alone.log_pose_density(block) != 0

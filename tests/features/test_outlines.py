@@ -66,3 +66,11 @@ def test_a_sphere_has_a_great_circle_square_to_each_axis():
         assert len(ring) >= len(points) // 3
         np.testing.assert_allclose(np.delete(ring, axis, axis=1).min(axis=0), -RADIUS, rtol=0.01)
         np.testing.assert_allclose(np.delete(ring, axis, axis=1).max(axis=0), RADIUS, rtol=0.01)
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
+def test_a_feature_without_sensed_points_has_lines_about_its_frame(kind):
+    bare = Feature(kind, T, 1e-8 * np.eye(len(kind.rows)), label="f", size=made(kind).size)
+    places = SE3.apply(SE3.inverse(T), outline(bare).reshape(-1, 3))
+    assert len(places)
+    assert np.abs(places).max() < 2 * RADIUS
