@@ -34,7 +34,8 @@ TESTS = {
     "features": ("tests/features", "tests/test_frozen.py tests/paper tests/test_vectors.py", "tests/fitting"),
     "factors": (
         "tests/factors",
-        "tests/test_frozen.py tests/posterior/test_labels.py tests/posterior/test_pose_prior.py tests/posterior/test_tori.py",
+        "tests/test_frozen.py tests/posterior/test_labels.py tests/posterior/test_pose_prior.py",
+        "tests/posterior/test_tori.py",
     ),
 }
 """Package: folders of tests, the first for every change, the others for those that pass it."""
