@@ -11,7 +11,7 @@ from tanteo.geometry import SE3
 from tanteo.posterior import identify_points
 
 SD, TILT = 1e-4, 0.02
-COUNT = 70
+COUNT = 40
 
 
 def plate(length):

@@ -125,7 +125,9 @@ def test_short_arcs_are_refused_with_the_reason():
         fit_ellipse(np.zeros((4, 2)), np.ones(4))
 
 
-@pytest.mark.parametrize(("tilts", "degrees"), [((0, 0.15), 360), ((0.2, 1.2), 360), ((0.3, 0.8), 150)])
+@pytest.mark.parametrize(
+    ("tilts", "degrees"), [pytest.param((0, 0.15), 360, marks=pytest.mark.slow), ((0.2, 1.2), 360), ((0.3, 0.8), 150)]
+)
 def test_circles_and_rays_follow_their_stated_errors(tilts, degrees):
     rng, circles, rays = np.random.default_rng((2, degrees, int(100 * tilts[1]))), [], []
     for _ in range(60):

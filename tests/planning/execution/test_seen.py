@@ -116,7 +116,8 @@ def test_session_and_batch_give_the_same_answer(twins, steps, with_place):
         assert 0.75 < one.corner_sd / other.corner_sd < 1.33
 
 
-def test_touches_beside_an_image_of_something_else_find_the_part(twins, steps):
+@pytest.mark.parametrize(("tolerance", "off"), [(8e-3, 8e-3), pytest.param(1e-3, 3e-3, marks=pytest.mark.slow)])
+def test_touches_beside_an_image_of_something_else_find_the_part(twins, steps, tolerance, off):
     """The part lies 25 mm from where the image shows one; its prior pose allows that, and readings say it."""
     seen = part_seen(twins)
     best = best_of(seen, "step_12mm").T_world_part
@@ -125,7 +126,7 @@ def test_touches_beside_an_image_of_something_else_find_the_part(twins, steps):
     start = seen_start(seen, steps, at_place(steps, place, WIDE))
     probe = replace(LASER, approach=np.array([0.0, 0.0, -1.0]), cone=np.radians(80.0))
     sd, rng = float(probe.law.const), np.random.default_rng(4)
-    session = Session(start, probe, Sensing(sd=sd), stop=Stop(tolerance=2e-3))
+    session = Session(start, probe, Sensing(sd=sd), stop=Stop(tolerance=tolerance))
     for _ in range(12):
         action = session.ask()
         if not isinstance(action, Action):
@@ -133,7 +134,7 @@ def test_touches_beside_an_image_of_something_else_find_the_part(twins, steps):
         distance = true_range(steps[0], T, action)
         session.tell(action.read(distance + sd * rng.normal() if np.isfinite(distance) else np.inf))
     assert session.state.target(0).part.name == "step_12mm"
-    assert np.linalg.norm(session.state.poses[0][:3, 3] - T[:3, 3]) < 3e-3
+    assert np.linalg.norm(session.state.poses[0][:3, 3] - T[:3, 3]) < off
 
 
 @pytest.mark.parametrize("with_place", [True, pytest.param(False, marks=pytest.mark.slow)])
