@@ -9,10 +9,11 @@ import pytest
 
 from scenes import random_pose, touch
 from tanteo.errors import InputError
-from tanteo.factors import as_labelled_points
+from tanteo.factors import as_contact_points, as_labelled_points
 from tanteo.features import Feature, SharedError, SharedTerm
 from tanteo.features.kinds import EDGE, HALF_EDGE, PLANE, VERTEX
 from tanteo.geometry import SE3
+from tanteo.sensors import Readings, measure
 
 FLIP = SE3.exp(np.array([0, 0, 0, np.pi, 0, 0]))
 
@@ -125,3 +126,20 @@ def test_names_are_distinguished_and_misuse_is_refused():
         as_labelled_points([Feature(HALF_EDGE, np.eye(4), 1e-8 * np.eye(5), "half")])
     with pytest.raises(InputError, match="'flat', P: expected a positive variance"):
         as_labelled_points([Feature(PLANE, np.eye(4), np.diag([1e-8, 0, 1e-6]), "flat")])
+
+
+def test_the_normal_of_a_plane_has_its_largest_tilt():
+    for tilts in ((1e-6, 4e-6), (4e-6, 1e-6)):
+        feature = Feature(PLANE, random_pose(np.random.default_rng(0)), np.diag([1e-8, *tilts]), "face")
+        assert as_labelled_points([feature]).normal_sds == pytest.approx([2e-3])
+
+
+@pytest.mark.parametrize(("kind", "refused"), [("plane", False), ("edge", True), ("vertex", True)])
+def test_a_ball_touches_faces_but_no_edge_at_a_known_place(kind, refused):
+    columns = {"features": ["f"], "kinds": [kind], "sds": [1e-4], "radii": np.array([2e-3])}
+    readings = Readings.from_columns(points=np.zeros((1, 3)), directions=[[0.0, 0.0, -1.0]], **columns)
+    if refused:
+        with pytest.raises(InputError, match="expected surface points, got centres of a ball of 2 mm"):
+            as_contact_points(measure(readings))
+    else:
+        assert as_contact_points(measure(readings)).radii == pytest.approx([2e-3])

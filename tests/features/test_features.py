@@ -188,3 +188,11 @@ def test_whitened_errors_keep_their_order_and_do_not_mix():
     assert np.allclose(root[:3, 3:], 0, atol=1e-15)
     assert np.allclose(root[3:5, 5:], 0, atol=1e-15)
     assert np.allclose(root[:3, :3], np.diag([2e-3, 3e-3, 1e-3]))
+
+
+@pytest.mark.parametrize("name", ["plane", "edge", "vertex", "circle", "cylinder", "cone", "sphere"])
+def test_a_kind_needs_as_many_points_as_it_has_parameters(name):
+    """A point of a face states one number, on an edge two, at a corner three."""
+    kind = KINDS[name]
+    parameters = len(kind.rows) + bool(kind.size_name)
+    assert kind.min_readings == -(-parameters // kind.faces)
