@@ -10,7 +10,7 @@ import pytest
 from tanteo import _core
 from tanteo.catalogue import known_stable_poses
 from tanteo.factors import ContactPoints, FreeRays
-from tanteo.geometry import SE3
+from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.posterior import OnTable, Priors, Problem, prepare
 from tanteo.vision.edges import chance_hits
@@ -241,12 +241,22 @@ def test_stable_poses_have_their_probabilities(name):
     assert abs(mean - 1) < 4 * sd + 0.01
 
 
+def test_a_ball_lies_in_every_attitude_with_equal_density():
+    """Times the area and the volume of attitudes, the density at the most probable height is that of the height."""
+    up, area, sd = np.array([[0.0, 0.0, 1.0]]), 4e-2, 1e-3
+    term = _core.stable_poses(up, np.array([0.02]), np.zeros(1), np.zeros(3), 2, up[0], np.eye(4), sd, 0.1, area)
+    poses = SE3.from_parts(SO3.exp(np.random.default_rng(0).normal(size=(5, 3))), np.array([0.0, 0.0, 0.02]))
+    logs, _, _ = _core.term_slopes(term, np.ascontiguousarray(poses), np.zeros((5, 0)), np.zeros(3))
+    np.testing.assert_allclose(np.exp(logs) * area * 8 * np.pi**2, 1 / (np.sqrt(2 * np.pi) * sd))
+
+
 def test_the_slope_of_stable_poses_is_that_of_differences():
     part = read_part(PARTS / "bracket_left.step")
     T = OnTable(np.eye(4), 1e-3, 0.02, 1.0)
     rest = known_stable_poses(part)[0].T_table_part
     pose = rest @ SE3.exp(np.array([1e-3, 5e-4, 2e-3, 0.01, -0.02, 0.015]))
-    c, about = part.centroid, SE3.from_parts(np.eye(3), part.centroid)
+    c = part.centroid + np.array([0.03, -0.02, 0.05])  # a lever moves the height with a turn
+    about = SE3.from_parts(np.eye(3), c)
     _, gradient, information = _core.term_slopes(T.term(part, 0), pose[None], np.zeros((1, 0)), c)
     found = []
     for k in range(6):

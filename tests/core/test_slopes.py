@@ -80,10 +80,11 @@ def test_the_gradient_is_exact_on_flat_faces(name, kind):
     assert off(FLAT[name], *scene(FLAT[name], 1, EXACT[kind])).max() < 1e-4
 
 
+@pytest.mark.parametrize("make", ["points", "scale"])
 @pytest.mark.parametrize("kind", [1, 2], ids=["edges", "corners"])
-def test_the_gradient_is_exact_on_edges_and_corners(kind):
+def test_the_gradient_is_exact_on_edges_and_corners(kind, make):
     body, rng = FLAT["bracket"], np.random.default_rng(3)
-    q, Ts, zs = scene(body, 2)
+    q, Ts, zs = scene(body, 2, EXACT[make])
     near = rng.choice(body.corners, size=len(q.points)) + 1e-3 * rng.normal(size=q.points.shape)
     q = replace(q, points=near @ Ts[0][:3, :3].T + Ts[0][:3, 3], kinds=np.full(len(q.points), kind, np.int32))
     assert off(body, q, Ts, zs).max() < 1e-4
