@@ -69,7 +69,7 @@ def test_a_sphere_has_a_great_circle_square_to_each_axis():
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
-def test_a_feature_without_sensed_points_has_lines_about_its_frame(kind):
+def test_without_sensed_points_lines_are_about_the_frame(kind):
     bare = Feature(kind, T, 1e-8 * np.eye(len(kind.rows)), label="f", size=made(kind).size)
     places = SE3.apply(SE3.inverse(T), outline(bare).reshape(-1, 3))
     assert len(places)
