@@ -47,8 +47,8 @@ def test_stated_stock_is_estimated_by_face(block):
     answer = tanteo.locate(readings, block, shared_errors=(Stock(3e-3),), priors=tanteo.Priors(pose=NEAR))
     found = next(one for one in answer.findings if isinstance(one, SharedEstimates))
     assert answer.status == "recognized"
-    assert all(name.startswith("stock on face ") for name in found.names)
-    of_face = {f"stock on {face}": off[int(k) - 1] for k, face in answer.best.pairings}
+    assert all(name.startswith("stock of face ") for name in found.names)
+    of_face = {f"stock of {face}": off[int(k) - 1] for k, face in answer.best.pairings}
     for name, value, sd in zip(found.names, found.values, found.sds, strict=True):
         assert abs(value - of_face[name]) < 3 * sd
 

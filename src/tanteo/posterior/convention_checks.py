@@ -264,10 +264,12 @@ def _about_stock(part: Part, readings: Readings, question: Query, settings: Sett
     from scipy.stats import chi2
     from scipy.stats import f as f_distribution
 
-    count = sum(name.startswith("stock on") for name in estimates.names)
-    faces = tuple(name.removeprefix("stock on ") for name in estimates.names[-count:])
+    faces = tuple(name[len("stock of ") :] for name in estimates.names if name.startswith("stock "))
+    if not (count := len(faces)):
+        return None
+    rows = slice(estimates.first + len(estimates.names) - count, estimates.first + len(estimates.names))
     values, sds = estimates.values[-count:], estimates.sds[-count:]
-    covariance = (error.sd * error.spread) ** 2 * shared_estimates(best)[1][-count:, -count:]
+    covariance = (error.sd * error.spread) ** 2 * shared_estimates(best)[1][rows, rows]
     statistic = float(np.array(values) @ np.linalg.solve(covariance, np.array(values))) / count
     if best.dof < count or f_distribution.sf(statistic, count, best.dof) > _CHANCE:
         return None
@@ -338,9 +340,10 @@ def _shared_answer(
         return None
     from scipy.stats import t as t_distribution  # slow to import
 
-    row = shared.follows[-1]
-    marginal = shared.covariance[-1, -1] + row @ best.covariance @ row
-    value, sd = error.sd * float(shared.mean[-1]), error.sd * float(np.sqrt(marginal))
+    estimates = next((one for one in found.findings if isinstance(one, SharedEstimates)), None)
+    if estimates is None:
+        return None
+    value, sd = estimates.values[-1], estimates.sds[-1]
     if 2 * t_distribution.sf(abs(value) / sd, best.dof - 1) > _CHANCE:
         return None
     return found, value, sd

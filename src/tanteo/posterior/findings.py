@@ -124,7 +124,7 @@ def estimates_of(
     mean, covariance = shared_estimates(answer.best)
     first = len(measured.shared) - others - len(errors)
     own = slice(first, first + len(errors))
-    start = len(mean) - sum(len(one.covariance) for one in measured.shared[first:])
+    begin = start = len(mean) - sum(len(one.covariance) for one in measured.shared[first:])
     for error, shared, jacobian in zip(errors, measured.shared[own], measured.jacobians[own], strict=True):
         rows = range(start, start := start + len(shared.covariance))
         faces = faces_of(answer.best, measured, jacobian)
@@ -134,7 +134,7 @@ def estimates_of(
         units += [error.unit] * len(rows)
     if not names or len(names) > _MOST_ESTIMATES:
         return ()
-    return (SharedEstimates(tuple(names), tuple(values), tuple(sds), tuple(units)),)
+    return (SharedEstimates(tuple(names), tuple(values), tuple(sds), tuple(units), begin),)
 
 
 def shared_estimates(best: Hypothesis) -> tuple[FloatArray, FloatArray]:

@@ -226,6 +226,7 @@ class SharedEstimates(Finding):
         values: estimate of each [SI unit].
         sds: standard deviation of each [SI unit].
         units: SI unit of each: ``m``, ``rad`` or ``1``.
+        first: index of the first of them among the shared errors of the hypothesis.
     """
 
     kind: ClassVar[str] = "shared_estimates"
@@ -233,6 +234,7 @@ class SharedEstimates(Finding):
     values: tuple[float, ...]
     sds: tuple[float, ...]
     units: tuple[str, ...]
+    first: int = 0
 
 
 @dataclass(frozen=True, slots=True)
