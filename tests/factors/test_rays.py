@@ -1,0 +1,38 @@
+"""Free-space rays: sets of them are joined, and what a point of a face does not state."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tanteo.factors import FreeRays, as_labelled_points
+from tanteo.features import Feature
+from tanteo.features.kinds import PLANE
+
+
+def rays(n, seed):
+    rng = np.random.default_rng(seed)
+    d = rng.normal(size=(n, 3))
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    return FreeRays(rng.normal(size=(n, 3)), d, rng.uniform(0.1, 0.2, n), np.full(n, 1e-3))
+
+
+def test_joined_rays_are_those_of_both_in_order():
+    first, second = rays(3, 1), rays(2, 2)
+    both = first.join(second)
+    for name in ("origins", "directions", "lengths", "margin"):
+        np.testing.assert_array_equal(
+            getattr(both, name), np.concatenate([getattr(first, name), getattr(second, name)])
+        )
+
+
+@pytest.mark.parametrize("n", [0, 3])
+def test_joining_no_rays_changes_nothing(n):
+    own = rays(n, 1)
+    for both in (own.join(FreeRays.none()), FreeRays.none().join(own)):
+        np.testing.assert_array_equal(both.origins, own.origins)
+
+
+def test_a_point_of_a_plane_states_no_side_of_a_hole():
+    points = as_labelled_points([Feature(PLANE, np.eye(4), np.diag([1e-8, 1e-6, 1e-6]), "face")])
+    assert [factor.material_side for factor in points.factors] == [0]
