@@ -1,4 +1,4 @@
-"""Free-space rays: sets of them are joined, and what a point of a face does not state."""
+"""Free-space rays: joined sets, and the side of a hole that a point of a plane does not have."""
 
 from __future__ import annotations
 
