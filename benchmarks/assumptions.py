@@ -2,7 +2,7 @@
 
 ``python benchmarks/assumptions.py [scenes] [seed] [kind ...]`` prints one row for each kind of scene, with standard
 errors: the mean probability of the best hypothesis (claimed), the fraction that is the true part at the true pose
-(right), and the number of answers ``recognized`` that are wrong. ``scenes`` is 40 and ``seed`` 1 by default.
+(right), their difference, the same difference for the best part in any pose, and the number of answers ``recognized`` that are wrong. ``scenes`` is 40 and ``seed`` 1 by default.
 ``--processes`` and ``--keep`` work as in ``campaign.py``. ``--seeds`` answers each scene with seeds 0 to 4 and prints
 how often P(best) agrees within 0.05.
 """
@@ -238,7 +238,8 @@ def summary(kind, rows):
     gap = (claimed - right).std() / np.sqrt(len(rows))
     return (
         kind, str(len(rows)), f"{claimed.mean():.3f}", f"{right.mean():.3f}",
-        f"{claimed.mean() - right.mean():+.3f} ± {gap:.3f}", f"{sum(r['right'] for r in sure)} of {len(sure)}",
+        f"{claimed.mean() - right.mean():+.3f} ± {gap:.3f}",
+        f"{np.mean([r['P_part'] - r['part'] for r in rows]):+.3f}", f"{sum(r['right'] for r in sure)} of {len(sure)}",
         str(int(np.sum((claimed > 0.9) & ~right))), str(sum(r["status"] == "unknown" for r in rows)),
         f"{np.mean([r['seconds'] for r in rows]):.2f} s", more,
     )  # fmt: skip
@@ -249,7 +250,7 @@ def run(kinds, scenes, seed, keep=None, processes=1, seeds=(0,)):
     cases = [(kind, seed, k, search) for kind in kinds for k in range(scenes) for search in seeds]
     done = dict(zip(cases, run_cases(case, cases, keep, processes), strict=True))
     columns = (
-        "kind", "scenes", "claimed", "right", "claimed - right", "recognized, right", "wrong above 0.9", "unknown",
+        "kind", "scenes", "claimed", "right", "claimed - right", "of the part", "recognized, right", "wrong above 0.9", "unknown",
         "time", "",
     )  # fmt: skip
     rows = [summary(kind, [row for c, row in done.items() if c[0] == kind]) for kind in kinds]
