@@ -2,7 +2,8 @@
 
 ``python benchmarks/assumptions.py [scenes] [seed] [kind ...]`` prints one row for each kind of scene, with standard
 errors: the mean probability of the best hypothesis (claimed), the fraction that is the true part at the true pose
-(right), their difference, the same difference for the best part in any pose, and the number of answers ``recognized`` that are wrong. ``scenes`` is 40 and ``seed`` 1 by default.
+(right), their difference, the same difference for the best part in any pose, and the number of answers ``recognized``
+that are wrong. ``scenes`` is 40 and ``seed`` 1 by default.
 ``--processes`` and ``--keep`` work as in ``campaign.py``. ``--seeds`` answers each scene with seeds 0 to 4 and prints
 how often P(best) agrees within 0.05.
 """
@@ -250,8 +251,8 @@ def run(kinds, scenes, seed, keep=None, processes=1, seeds=(0,)):
     cases = [(kind, seed, k, search) for kind in kinds for k in range(scenes) for search in seeds]
     done = dict(zip(cases, run_cases(case, cases, keep, processes), strict=True))
     columns = (
-        "kind", "scenes", "claimed", "right", "claimed - right", "of the part", "recognized, right", "wrong above 0.9", "unknown",
-        "time", "",
+        "kind", "scenes", "claimed", "right", "claimed - right", "of the part", "recognized, right",
+        "wrong above 0.9", "unknown", "time", "",
     )  # fmt: skip
     rows = [summary(kind, [row for c, row in done.items() if c[0] == kind]) for kind in kinds]
     if len(seeds) > 1:
