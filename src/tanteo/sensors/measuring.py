@@ -101,7 +101,7 @@ def measure(
     units = np.unique([device.unit for device in devices], return_inverse=True)[1][numbers]
     sensed = Sensed(
         points, aims, hit, placed.directions, readings.groups, readings.features, placed.T_world_units, units, sds,
-        np.array([reading_kind(kind).is_of_one_face for kind in readings.kinds], dtype=np.bool_),
+        np.array([k == "point" or reading_kind(k).is_of_one_face for k in readings.kinds], dtype=np.bool_),
     )  # fmt: skip
     noise = float(np.sqrt(np.median(np.trace(covs[hit], axis1=1, axis2=2)) / 3)) if hit.any() else 0.0
     unstated = unstated_errors(sensed, noise, errors, machine=robot is not None)
