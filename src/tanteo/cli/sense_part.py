@@ -125,6 +125,7 @@ def _sense(
 ) -> None:
     """Run the session of a scene and print its answer."""
     from tanteo.hand.simulator.arm import ArmMotion
+    from tanteo.io.scenes.hand_camera import HandCamera
     from tanteo.planning import sense_part
 
     files.check_report(report)
@@ -143,9 +144,10 @@ def _sense(
             show(visit)
 
         arm = robot.carrier if isinstance(robot.carrier, ArmMotion) else None
+        eyes = HandCamera(place, robot, start.targets, start) if "camera" in sensors else None
         done = sense_part(
             session, robot, rules, furniture=io.scenes.furniture_of(place), errors=place.cell.robot, reach=arm,
-            watch=watch,
+            eyes=eyes, watch=watch,
         )  # fmt: skip
     clearance = io.scenes.least_clearance(place, robot)
     answer = session.answer()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from tanteo.planning.execution import prior_poses
 from tanteo.planning.start import Start
 from tanteo.posterior import Alternatives, OnTable, PreparedPart
 from tanteo.vision import Camera
+from tanteo.vision.camera import Mounting
 from tanteo.vision.edges import EdgePoints, chance_hits, map_edges
 from tanteo.vision.image_edges import ImageEdges, Weights
 
@@ -98,6 +99,25 @@ class RestTable:
     area: float
 
 
+def _with_common_mountings(images: Sequence[ImageTable]) -> list[ImageTable]:
+    """Return images in which equal mountings are one object, which states their common error once."""
+    known: list[Mounting] = []
+    out = []
+    for image in images:
+        own = image.camera.mounting
+        if own is not None:
+            same = [
+                one
+                for one in known
+                if np.array_equal(one.T_hand_camera, own.T_hand_camera)
+                and np.array_equal(one.covariance, own.covariance)
+            ]
+            known += [] if same else [own]
+            image = replace(image, camera=replace(image.camera, mounting=(same or [own])[0]))
+        out.append(image)
+    return out
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenTable:
     """Table of the factors from which a session starts: images and a support plane.
@@ -156,7 +176,7 @@ class SeenTable:
             covariances: covariances of the prior poses ``(A, 6, 6)``.
             w: weights of the prior poses ``(A,)``.
         """
-        out: tuple[PoseFactor, ...] = tuple(image.image(targets) for image in self.images)
+        out: tuple[PoseFactor, ...] = tuple(image.image(targets) for image in _with_common_mountings(self.images))
         if self.table is not None:
             rest = self.table
             out = (*out, OnTable(rest.T_world_table, rest.height_sd, rest.tilt_sd, rest.area))

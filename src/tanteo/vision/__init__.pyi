@@ -5,6 +5,7 @@ from . import circles as circles
 from . import descriptors as descriptors
 from . import edges as edges
 from . import ellipse_fit as ellipse_fit
+from . import expected as expected
 from . import features as features
 from . import fit as fit
 from . import image_edges as image_edges

@@ -15,7 +15,7 @@ import numpy as np
 
 from tanteo.errors import InputError, MissingExtraError
 from tanteo.geometry import SE3, check_covariance, frozen_array
-from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 from tanteo.values import Value, lock
 from tanteo.vision.settings import EDGES, NEWTON_STEPS
 
@@ -174,11 +174,13 @@ class View:
         camera: calibrated camera with its pose in the world of the readings, or of the other images
             (``T_world_camera``).
         on_table: whether the object lies on a table, so that the image proposes such poses; if not, any poses.
+        ignore: pixels of known objects ``(rows, columns)``, whose regions are excluded; None without any.
     """
 
     pixels: FloatArray
     camera: Camera
     on_table: bool = True
+    ignore: BoolArray | None = None
 
 
 def rigid(name: str, T: Transforms) -> Transforms:

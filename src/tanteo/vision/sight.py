@@ -170,14 +170,15 @@ def see_table(
     start = time.perf_counter()
     T_world_table = np.eye(4) if T_world_table is None else T_world_table
     weights = weights or Weights()
-    shots = [shot_of(view, parts, T_world_table, table or TableErrors()) for view in (View(image, camera), *others)]
+    shots = [
+        shot_of(view, parts, T_world_table, table or TableErrors())
+        for view in (View(image, camera, ignore=ignore), *others)
+    ]
     objects = []
     for regions in same_objects(shots):
         shown = next(k for k, region in enumerate(regions) if region is not None)
         shot, region = shots[shown], regions[shown]
         assert region is not None
-        if ignore is not None and shown == 0 and (region.mask & ignore).sum() > 0.5 * region.mask.sum():
-            continue
         drawn = outline_on_table(shot.camera, region, shot.T_camera_table)
         chosen = narrowed(seen_outline(shot.camera, region, shot.T_camera_table, T_world_table), parts)
         if not len(chosen.rows):
@@ -227,6 +228,8 @@ def shot_of(view: View, parts: Sequence[Any], T_world_table: Transforms, errors:
     regions = find_regions(view.pixels, points, chance)
     bare = bare_table(hulls(regions)) if regions else np.ones(points.shape, dtype=np.bool_)
     errors = seen_table(errors, camera, T_world_table)
+    if view.ignore is not None:
+        regions = tuple(one for one in regions if (one.mask & view.ignore).sum() <= 0.5 * one.mask.sum())
     return Shot(camera, T_camera_table, errors, points, map_edges(points), chance, tuple(regions), bare)
 
 

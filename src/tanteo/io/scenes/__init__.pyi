@@ -1,3 +1,4 @@
+from . import hand_camera as hand_camera
 from .acquiring import acquire as acquire
 from .acquiring import change_scene as change_scene
 from .acquiring import expected_feature as expected_feature

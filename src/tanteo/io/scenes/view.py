@@ -72,13 +72,10 @@ def view_of(scene: SceneFile, image: str, camera: str | None = None, marks: str 
         InputError: The scene has no table or camera, or a file cannot be read.
         MissingExtraError: OpenCV is missing.
     """
-    tables = [s for s in scene.furniture if s.name == "table"]
-    if not tables:
-        raise InputError(f"{scene.source}: expected a table [table] on which the part lies, got none. Add it.")
-    T_world_table = SE3.from_parts(np.eye(3), np.array([0.0, 0.0, tables[0].vertices[:, 2].max()]))
+    T_world_table = top_of_table(scene)
     placed = _camera_of(scene, camera, marks)
-    seen = _rendered(scene, placed, T_world_table) if image == RENDER else read_image(image)
-    return SceneView(seen, placed, T_world_table, _furniture(scene, placed))
+    seen = rendered(scene, placed, T_world_table) if image == RENDER else read_image(image)
+    return SceneView(seen, placed, T_world_table, furniture_pixels(scene, placed))
 
 
 def place_camera(camera: Camera, marks: str) -> tuple[Camera, CameraPose]:
@@ -115,8 +112,30 @@ def _camera_of(scene: SceneFile, file: str | None, marks: str | None) -> Camera:
     return camera
 
 
-def _rendered(scene: SceneFile, camera: Camera, T_world_table: Transforms) -> FloatArray:
-    """Render the true scene from the camera."""
+def top_of_table(scene: SceneFile) -> Transforms:
+    """Return the pose of the top of the table of a scene ``(4, 4)``.
+
+    Args:
+        scene: scene with a table.
+
+    Raises:
+        InputError: the scene has no table.
+    """
+    tables = [s for s in scene.furniture if s.name == "table"]
+    if not tables:
+        raise InputError(f"{scene.source}: expected a table [table] on which the part lies, got none. Add it.")
+    return SE3.from_parts(np.eye(3), np.array([0.0, 0.0, tables[0].vertices[:, 2].max()]))
+
+
+def rendered(scene: SceneFile, camera: Camera, T_world_table: Transforms, number: int = 0) -> FloatArray:
+    """Render the true scene from a camera.
+
+    Args:
+        scene: scene; its seed determines the noise.
+        camera: camera with its true pose.
+        T_world_table: pose of the top of the table ``(4, 4)``.
+        number: number of the image, whose noise differs from that of others.
+    """
     assert camera.T_world_camera is not None
     to_table = SE3.inverse(T_world_table)
     objects = [
@@ -125,11 +144,16 @@ def _rendered(scene: SceneFile, camera: Camera, T_world_table: Transforms) -> Fl
         if solid.name != "table"
     ]
     stage = Stage(replace(camera, T_world_camera=to_table @ camera.T_world_camera), objects)
-    return render(stage, np.random.default_rng(scene.seed))[0]
+    return render(stage, np.random.default_rng(scene.seed if not number else [scene.seed, number]))[0]
 
 
-def _furniture(scene: SceneFile, camera: Camera) -> BoolArray | None:
-    """Return the mask of the pixels that show known furniture on the table, or None without any."""
+def furniture_pixels(scene: SceneFile, camera: Camera) -> BoolArray | None:
+    """Return the mask of the pixels that show known furniture on the table, or None without any.
+
+    Args:
+        scene: scene with its furniture.
+        camera: camera with its pose.
+    """
     standing = [s for s in scene.furniture if s.name != "table"]
     if not standing:
         return None

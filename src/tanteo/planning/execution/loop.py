@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from tanteo.hand.acquisition import SENSE
 from tanteo.hand.motion import Motion, Rules, go_to
 from tanteo.planning.candidates import Candidates
 from tanteo.planning.execution.approach import approach_poses, feasible, ranked, route
+from tanteo.planning.execution.looking import Eyes, next_view
 from tanteo.planning.execution.possible import FreeSpace, PossiblePoses
 from tanteo.planning.execution.resting import Furniture, as_readings, beyond_furniture, of_parts, rest
 from tanteo.planning.execution.start import REPEATS
@@ -24,13 +25,16 @@ from tanteo.planning.session.values import Done, Step
 from tanteo.planning.state import SensingState
 from tanteo.sensors.presets import RobotPreset
 from tanteo.words import Finding, message_of
-from tanteo.words.findings import BeamsFree, FurnitureHit, NoClearPath, NoEcho, NothingToAcquire
+from tanteo.words.findings import BeamsFree, FurnitureHit, NoClearPath, NoEcho, NothingToAcquire, ViewFirst
 
 _TRIED = 4
 """Largest number of approach poses of a beam to which a path is planned."""
 
 _REFUSED = 25
 """Number of successive actions without a reading after which the run ends."""
+
+_LEAST_VIEW = 0.1
+"""Smallest expected information of a view that is taken [nats]: a view with less repeats what is known."""
 
 _TRAVEL = 2.5
 """Speed between waypoints in free space, as a multiple of the speed of the rules."""
@@ -114,6 +118,7 @@ def sense_part(
     furniture: Furniture | None = None,
     errors: RobotPreset | None = None,
     reach: Reach | None = None,
+    eyes: Eyes | None = None,
     watch: Callable[[Visit], None] = lambda visit: None,
 ) -> Executed:
     """Sense a part with a hand until the session ends.
@@ -128,15 +133,20 @@ def sense_part(
         furniture: known solids of the cell; a beam that hits one is a free-space ray that ends before it.
         errors: error model of the robot's reported poses; None for exact poses.
         reach: joints that carry the hand; None for a hand that can be everywhere.
+        eyes: camera on the hand, whose views are taken if they have more expected information per second; None without.
         watch: function to call after every action.
 
     Returns:
         Reason for the end, and all actions with their results.
     """
-    run, began = _Run(session, robot, rules, furniture, errors, reach), robot.sensed.time
+    run, began = _Run(session, robot, rules, furniture, errors, reach, eyes), robot.sensed.time
     visits, in_vain, gone = list[Visit](), 0, 0.0
     while isinstance(action := session.ask(), Action):
-        motions, step, findings = run.answer(action)
+        if (view := run.view_before(action)) is not None:
+            action = view.action
+            motions, step, findings = run.take(view)
+        else:
+            motions, step, findings = run.answer(action)
         for motion in motions:
             fronts = SE3.apply(np.array([sensed.T_world_hand for sensed in motion.log]), robot.hand.front)
             gone += float(np.linalg.norm(np.diff(fronts, axis=0), axis=1).sum())
@@ -151,6 +161,14 @@ def sense_part(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _View:
+    """Pose of the hand for a view, and the view as an action."""
+
+    T_world_hand: Transforms
+    action: Action
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Run:
     session: Session
     robot: Robot
@@ -158,6 +176,46 @@ class _Run:
     furniture: Furniture | None
     errors: RobotPreset | None
     reach: Reach | None
+    eyes: Eyes | None
+    taken: list[Transforms] = field(default_factory=list)
+
+    def view_before(self, action: Action) -> _View | None:
+        """Return the view that is worth more per second than an action; None if there is none."""
+        if self.eyes is None or not np.isfinite(action.gain):
+            return None
+        session, hand, here = self.session, self.robot.hand, self.robot.sensed.T_world_hand
+        possible, speed = PossiblePoses.of(session.state), _TRAVEL * self.rules.speed
+        space = FreeSpace(hand.body, self.rules.workspace, possible, self.rules.clearance, reach=self.reach)
+        found = next_view(session.state, hand, self.eyes.eye, space, here, speed, self.taken)
+        front = SE3.apply(here, hand.front)
+        seconds = session.probe.seconds + float(np.linalg.norm(action.origin - front)) / speed
+        if found.gain < _LEAST_VIEW or found.gain / found.seconds <= action.gain / seconds:
+            return None
+        reason = ViewFirst(found.gain, found.seconds, action.gain, seconds, tuple(sorted(found.excluded.items())))
+        T = self.eyes.eye.camera_at(found.T_world_hand).T_world_camera
+        assert T is not None
+        leader = session.state.target(0).part
+        away = float(np.linalg.norm(SE3.apply(session.state.poses[0], leader.centroid) - T[:3, 3]))
+        named = replace(
+            action, origin=T[:3, 3], direction=T[:3, 2], max_range=away, expected=away, part=leader.name, face="view",
+            gain=found.gain, reason=reason, radius=0.0, acquires="view",
+        )  # fmt: skip
+        return _View(found.T_world_hand, named)
+
+    def take(self, view: _View) -> tuple[tuple[Motion, ...], Step | None, tuple[Finding, ...]]:
+        """Move to a view, take the image and restart the session with it."""
+        assert self.eyes is not None
+        self.taken.append(view.T_world_hand)
+        hand, here = self.robot.hand, self.robot.sensed.T_world_hand
+        possible = PossiblePoses.of(self.session.state)
+        space = FreeSpace(hand.body, self.rules.workspace, possible, self.rules.clearance, reach=self.reach)
+        stops = route(hand, space, here, view.T_world_hand, 0.0)
+        if stops is None:
+            return (), None, (NoClearPath("hand"),)
+        motions = self._go(stops)
+        if not motions[-1].reached:
+            return motions, None, (motions[-1].finding,)
+        return motions, self.session.restart(self.eyes.photograph()), (view.action.reason,)
 
     def answer(self, action: Action) -> tuple[tuple[Motion, ...], Step | None, tuple[Finding, ...]]:
         """Move, read and update the session; return the motions, the update and remarks for the user."""

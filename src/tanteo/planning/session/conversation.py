@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.defaults import SIGNIFICANCE, TOP
-from tanteo.errors import check_kind
+from tanteo.errors import InputError, check_kind
 from tanteo.geometry.limits import check_count, check_significance
 from tanteo.geometry.typing import BoolArray, Vectors
 from tanteo.planning.candidates import Candidates, propose
@@ -281,6 +281,26 @@ class Session(Value):
         if fresh is not None and is_same(action, self._pending):
             self._pending = None
         return step
+
+    def restart(self, start: Start) -> Step:
+        """Replace the start by one with further images; the readings so far stay. The pending action is discarded.
+
+        Args:
+            start: start with the same parts.
+
+        Returns:
+            Summary of the posterior.
+
+        Raises:
+            InputError: the start has other parts.
+        """
+        if start.targets != self.start.targets:
+            raise InputError("start: expected the parts of the session, got others. Begin another session.")
+        state = begin(start)
+        if self._joined is not None:
+            state = update(state, *self.sensing.touches(self._joined, self.probe))
+        self.start, self._state, self._pending = start, state, None
+        return step_of(state, self.stop, Observation(None, None, ()))
 
     def answer(self, top: int = TOP, significance: float | None = None) -> Answer:
         """Return the current answer, like that of :func:`tanteo.identify`.

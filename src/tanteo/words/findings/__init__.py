@@ -146,6 +146,7 @@ from tanteo.words.findings.reasons import (
     NextTouch,
     RepeatMisfit,
     Rule321,
+    ViewFirst,
 )
 from tanteo.words.findings.sessions import (
     AccuracyNeeded,
@@ -380,6 +381,7 @@ __all__ = [
     "UnitsQuestion",
     "UnknownInImage",
     "UnknownObject",
+    "ViewFirst",
     "WallSensed",
     "WholeMismatch",
     "WiderPrior",

@@ -9,6 +9,26 @@ from tanteo.words.findings.base import Finding, Role
 
 
 @dataclass(frozen=True, slots=True)
+class ViewFirst(Finding):
+    """A view of the camera on the hand is expected to give more information per second than the best reading.
+
+    Attributes:
+        gain: expected information of the view about part and pose [nats].
+        seconds: duration of the view with travel [s].
+        other_gain: expected information of the best reading [nats].
+        other_seconds: duration of that reading with travel [s].
+        excluded: reasons for which other views are excluded, with the number of these views.
+    """
+
+    kind: ClassVar[str] = "view_first"
+    gain: float
+    seconds: float
+    other_gain: float
+    other_seconds: float
+    excluded: tuple[tuple[str, int], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class MostInformation(Finding):
     """The reading, or the feature to which it belongs, has the greatest expected information.
 

@@ -16,6 +16,16 @@ def _(one: f.MostInformation) -> Words:
 
 
 @words_of.register
+def _(one: f.ViewFirst) -> Words:
+    text = (
+        f"A view first: {one.gain:.2g} nats are expected in {one.seconds:.1f} s, of the best reading "
+        f"{one.other_gain:.2g} nats in {one.other_seconds:.1f} s."
+    )
+    left = ", ".join(f"{count} {reason}" for reason, count in one.excluded)
+    return f"{text} Excluded views: {left}." if left else text, ""
+
+
+@words_of.register
 def _(one: f.RepeatMisfit) -> Words:
     return "An earlier reading of this beam does not fit; a repeat shows whether the sensor erred.", ""
 
