@@ -124,6 +124,7 @@ def ask(
     views = read_views(options.image, options.cameras)
     require_poses(views, options.cameras)
     given = read_given(readings, parts, options, file)
+    from tanteo.cli.second_opinion import factor_of, judged
     from tanteo.recognition import MOST_VIEWED, identify
 
     table = known.table if known is not None else None
@@ -132,6 +133,8 @@ def ask(
     many = len(given.parts) > MOST_VIEWED  # the outline then prunes the parts, and replaces the edges in the posterior
     outline = outlines[0] if outlines and many else None
     loaded = time.perf_counter()
+    opinion = factor_of(options.detections, given)
+    factors = factors if opinion is None else (*factors, opinion)
     with misuse():
         priors = options.priors(known, outline)
     chosen: dict[str, Any] = {
@@ -144,6 +147,7 @@ def ask(
         answer = identify(
             given.readings, given.parts, **chosen, top=top, count=count, as_published=as_published, conventions=False
         )
+    answer = judged(answer, opinion, given)
     return Reply(given, chosen, answer, loaded)
 
 

@@ -54,6 +54,7 @@ class Evidence:
     hand_eye: args.HandEyePath = None
     hand_eye_sd: args.HandEyeSd = None
     no_table: args.NoTable = False
+    detections: args.DetectionsPath = None
     significance: args.Significance = SIGNIFICANCE
     json: args.Json = False
     seed: args.Seed = 0

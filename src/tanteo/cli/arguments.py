@@ -281,6 +281,10 @@ HandEyeSd = Annotated[
     ),
     Words(partial(typed.pose_sds, "--hand-eye-sd")),
 ]
+DetectionsPath = Annotated[
+    str | None,
+    _prior("--detections", "FILE", "Poses of a detector with scores as a second opinion (JSON, Detection3DArray)."),
+]
 NoTable = Annotated[
     bool, _prior("--no-table", None, "The object in the images may have any pose: it lies on no table.")
 ]

@@ -3,6 +3,7 @@ from . import candidate_pruning as candidate_pruning
 from . import candidates as candidates
 from . import convention_checks as convention_checks
 from . import details as details
+from . import detections as detections
 from . import equal_parts as equal_parts
 from . import findings as findings
 from . import fit_at_mode as fit_at_mode

@@ -17,6 +17,28 @@ class CutShort(Finding):
 
 
 @dataclass(frozen=True, slots=True)
+class SecondOpinion(Finding):
+    """A pose of a detector is confirmed, refuted, or neither by the answer.
+
+    Attributes:
+        part: name of the part.
+        score: score of the detector.
+        state: ``holds``, ``refuted`` or ``open``.
+        probability: probability of the part within three deviations of the detection.
+        shift: distance of the answer from the detection at the part's middle [m]; 0 if it is refuted.
+        turn: rotation between both [rad]; 0 if it is refuted.
+    """
+
+    kind: ClassVar[str] = "second_opinion"
+    part: str
+    score: float
+    state: str
+    probability: float
+    shift: float
+    turn: float
+
+
+@dataclass(frozen=True, slots=True)
 class CloseTogether(Finding):
     """The readings cover a small patch, which many parts have more than once."""
 

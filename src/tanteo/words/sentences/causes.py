@@ -29,6 +29,17 @@ def _(one: f.CutShort) -> Words:
 
 
 @words_of.register
+def _(one: f.SecondOpinion) -> Words:
+    who = f"The detector's {one.part} (score {one.score:.2g})"
+    if one.state == "refuted":
+        return f"{who} is refuted: its probability is {percent(one.probability)}.", ""
+    away = f"the answer is {millimetres(one.shift)} and {math.degrees(one.turn):.2g} deg from it"
+    if one.state == "holds":
+        return f"{who} holds with {percent(one.probability)}; {away}.", ""
+    return f"{who} is neither confirmed nor refuted ({percent(one.probability)}); {away}.", "The next reading decides."
+
+
+@words_of.register
 def _(one: f.CloseTogether) -> Words:
     return (
         "The readings lie close together, and other places of the parts may look the same."
