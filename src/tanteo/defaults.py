@@ -15,3 +15,9 @@ WIDE_TIP_SD = 2e-3
 
 TOP = 5
 """Number of hypotheses that an answer reports, unless the user states another (``--top``)."""
+
+DETECTION_TRUST = 0.9
+"""Largest probability that a pose of a detector is right: scores of detectors are seldom calibrated."""
+
+DETECTION_SDS = 0.01, 0.0873
+"""Standard deviations of a pose of a detector without a covariance, for each axis [m, rad]: 10 mm, 5 degrees."""

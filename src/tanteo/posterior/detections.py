@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo import _core
+from tanteo.defaults import DETECTION_SDS, DETECTION_TRUST
 from tanteo.errors import InputError
 from tanteo.factors import PoseFactor
 from tanteo.geometry import SE3, check_covariance, check_transforms
@@ -16,12 +17,6 @@ from tanteo.parts import Part
 from tanteo.posterior.alternatives import NormalPoses
 from tanteo.posterior.answers.part_motions import without_symmetric_rotation
 from tanteo.posterior.problem import PoseMixture
-
-MOST_TRUSTED = 0.9
-"""Largest probability that one of the detections is right: scores of detectors are seldom calibrated."""
-
-USUAL_SDS = 0.01, float(np.radians(5.0))
-"""Standard deviations of a pose of a detector without a covariance, about each axis [m, rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +45,7 @@ class Detection:
                 f"detection of {self.part}, score: expected a number from 0 to 1, got {self.score:g}. Correct it."
             )
         object.__setattr__(self, "T_world_part", check_transforms("detection, pose", self.T_world_part))
-        own = np.diag(np.repeat(np.square(USUAL_SDS), 3)) if self.covariance is None else self.covariance
+        own = np.diag(np.repeat(np.square(DETECTION_SDS), 3)) if self.covariance is None else self.covariance
         object.__setattr__(self, "covariance", check_covariance("detection, covariance", own, 6))
 
 
@@ -74,7 +69,7 @@ class Detections(PoseFactor):
 
     def __post_init__(self) -> None:
         total = sum(one.score for one in self.found)
-        scale = min(1.0, MOST_TRUSTED / total) if total > 0 else 0.0
+        scale = min(1.0, DETECTION_TRUST / total) if total > 0 else 0.0
         object.__setattr__(self, "shares", tuple(scale * one.score for one in self.found))
 
     @property
@@ -133,7 +128,7 @@ def agreement(
     squared = np.einsum("ki,ij,kj->k", logs, total, logs)
     k = int(np.argmin(squared))
     moved = float(np.linalg.norm(SE3.apply(gaps[k], part.centroid) - part.centroid))
-    return moved, float(np.linalg.norm(logs[k, 3:])), bool(squared[k] < 9 * 6)
+    return moved, float(np.linalg.norm(logs[k, 3:])), bool(squared[k] < len(logs[k]) * 3**2)
 
 
 def named(found: Sequence[Detection], parts: Sequence[Part]) -> tuple[tuple[Detection, ...], tuple[str, ...]]:
