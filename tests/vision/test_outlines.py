@@ -11,10 +11,11 @@ from tanteo.catalogue import build_catalogue, open_catalogue
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.posterior import DEFAULTS
-from tanteo.vision import find_edges, outline_of_readings, outlines, prepare_vision, render, see_anywhere, see_table
+from tanteo.vision import find_edges, outline_of_readings, outlines, prepare_vision, render, see_table
 from tanteo.vision.outlines import Narrowed, narrowed, seen_outline
 from tanteo.vision.regions import find_regions
 from tanteo.vision.rendering import Stage, rendered_part
+from tanteo.vision.solid import see_anywhere
 from vision_scenes import random_shot
 
 COUNT = 24

@@ -15,13 +15,14 @@ from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.posterior import Priors
 from tanteo.render import draw_sight
-from tanteo.vision import Camera, find_edges, prepare_vision, see_anywhere, see_table
+from tanteo.vision import Camera, find_edges, prepare_vision, see_table
 from tanteo.vision.answers import deciding_touch, heights, judged
 from tanteo.vision.edges import map_edges
 from tanteo.vision.fit import meet, refine
 from tanteo.vision.posterior import ImagePosterior
 from tanteo.vision.regions import find_regions
 from tanteo.vision.rendering import Appearance, Stage, render, rendered_part
+from tanteo.vision.solid import see_anywhere
 from tanteo.words import message_of
 from vision_scenes import random_shot
 

@@ -133,7 +133,7 @@ def _sense(
     sources = [("--scene", scene), *image_files(options.image, options.camera, options.marks)]
     files.check_different(("--record", record), ("--report", report), inputs=sources, parts=parts)
     place = io.scenes.change_scene(io.read_scene(scene), seed=options.seed, standoff=options.standoff)
-    place = place if cell is None else io.scenes.on_arm(place, cell)
+    place = place if cell is None else io.scenes.sessions.on_arm(place, cell)
     start = start_of(place, parts, options, as_json=as_json)
     with misuse(always=False):
         session, robot, rules = io.scenes.session_of(place, start, options.stop(), options.policy, options.form_sd)

@@ -1,5 +1,6 @@
 from . import acquisition as acquisition
 from . import motion as motion
+from . import robot as robot
 from . import simulator as simulator
 from . import twists as twists
 from .acquisition.predicted import Predicted as Predicted
@@ -11,7 +12,6 @@ from .robot import NEAR as NEAR
 from .robot import Body as Body
 from .robot import Hand as Hand
 from .robot import HandReading as HandReading
-from .robot import Reach as Reach
 from .robot import Robot as Robot
 from .robot import gripper_body as gripper_body
 from .workspace import ForbiddenBox as ForbiddenBox

@@ -87,7 +87,7 @@ class Problem:
     def shared_errors(self) -> int:
         """Return the number of shared errors: of the points first, then of each pose factor."""
         own = int(self.points.shared_jacobian.shape[2])
-        return own + state_columns(self.pose_factors, own)[1]
+        return own + (state_columns(self.pose_factors, own)[1] if self.pose_factors else 0)
 
     def may_fix(self, part: Part) -> bool:
         """Return whether there are enough measurements for the pose of a part; else the answer is insufficient."""
@@ -171,6 +171,8 @@ class Problem:
         )  # fmt: skip
         if table is not None:
             core.add(resting(table, prepared.part))
+        if not self.pose_factors:
+            return core
         places, _ = state_columns(self.pose_factors, t.shared_jacobian.shape[2])
         for factor, (first, common) in zip(self.pose_factors, places, strict=True):
             core.add(factor.term(prepared.part, first, common))

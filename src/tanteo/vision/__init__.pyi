@@ -18,6 +18,7 @@ from . import rendering as rendering
 from . import segments as segments
 from . import settings as settings
 from . import sight as sight
+from . import solid as solid
 from . import table as table
 from . import wireframe as wireframe
 from .answers import Question as Question
@@ -34,5 +35,4 @@ from .sight import Sighting as Sighting
 from .sight import see_table as see_table
 from .solid import follow as follow
 from .solid import see as see
-from .solid import see_anywhere as see_anywhere
 from .views import view_factors as view_factors

@@ -1,11 +1,10 @@
 from . import hand_camera as hand_camera
+from . import sessions as sessions
 from .acquiring import acquire as acquire
 from .acquiring import change_scene as change_scene
 from .acquiring import expected_feature as expected_feature
 from .acquiring import least_clearance as least_clearance
 from .sessions import furniture_of as furniture_of
-from .sessions import on_arm as on_arm
-from .sessions import robot_of as robot_of
 from .sessions import session_of as session_of
 from .sessions import start_of as start_of
 from .view import SceneView as SceneView

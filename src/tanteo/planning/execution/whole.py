@@ -11,9 +11,10 @@ from tanteo.features import Feature, feature_covariance
 from tanteo.features.kinds import CIRCLE
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import FloatArray
-from tanteo.hand import Hand, Predicted, Reach, predicted
+from tanteo.hand import Hand, Predicted, predicted
 from tanteo.hand.acquisition import RADIUS_SHARE, Acquired, RoundGuess, least_radius
 from tanteo.hand.motion import Rules
+from tanteo.hand.robot import Reach
 from tanteo.planning.candidates import Candidates
 from tanteo.planning.execution.approach import feasible
 from tanteo.planning.execution.possible import FreeSpace, PossiblePoses
