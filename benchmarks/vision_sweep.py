@@ -39,7 +39,7 @@ def on_table(image: int) -> list[tuple]:
 def anywhere(image: int) -> tuple[bool, float]:
     """Return whether the pose of a part is among the answers without a table, and the CPU time [s]."""
     from tanteo.geometry import SE3
-    from tanteo.vision import see_anywhere
+    from tanteo.vision.solid import see_anywhere
     from vision import models_of
     from vision_scenes import in_camera, random_shot
 
