@@ -85,7 +85,8 @@ class ImageTable:
         levels = {targets[one.part].part: (one.Ts, one.constants) for one in self.poses}
         return ImageEdges(
             self.camera, map_edges(self.points), self.chance if len(self.chance) else chance_hits(self.points),
-            self.weights, self.log_unknown, {part: Ts for part, (Ts, _) in levels.items()}, levels,
+            self.weights, self.log_unknown, {part: Ts for part, (Ts, _) in levels.items()},
+            levels or None,  # of several images the first has the constants of all
         )  # fmt: skip
 
 

@@ -96,8 +96,8 @@ def test_a_record_with_views_replays(made, tmp_path):
     images = [group for factor in again.start.factors for group in factor.groups[0]]
     mountings = {id(one.camera.mounting) for one in images if hasattr(one, "camera")}
     assert len(mountings) == 1
-    np.testing.assert_allclose(again.state.poses[0], session.state.poses[0], atol=1e-3)
-    np.testing.assert_allclose(again.state.weights[0], session.state.weights[0], atol=1e-2)
+    np.testing.assert_allclose(again.state.poses[0], session.state.poses[0], atol=1e-6)
+    np.testing.assert_allclose(again.state.weights[0], session.state.weights[0], atol=1e-6)
 
 
 def test_a_scene_without_a_camera_on_the_hand_is_refused(made):
