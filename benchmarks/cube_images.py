@@ -17,11 +17,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import grey_cube
 from tanteo.geometry import SE3
-from tanteo.vision import find_edges, follow, prepare_vision
+from tanteo.vision import find_edges, prepare_vision
 from tanteo.vision.camera import project, project_linearized
 from tanteo.vision.edges import map_edges
 from tanteo.vision.fit import refine
-from tanteo.vision.solid import see_anywhere
+from tanteo.vision.solid import follow, see_anywhere
 
 
 def first_image(model):

@@ -7,11 +7,11 @@ import pytest
 
 import grey_cube
 from tanteo.geometry import SE3
-from tanteo.vision import find_edges, follow, prepare_vision
+from tanteo.vision import find_edges, prepare_vision
 from tanteo.vision.camera import project
 from tanteo.vision.edges import map_edges
 from tanteo.vision.fit import refine
-from tanteo.vision.solid import see_anywhere
+from tanteo.vision.solid import follow, see_anywhere
 
 pytestmark = pytest.mark.skipif(not grey_cube.FOLDER.is_dir(), reason="the folder of real measurements is not there")
 

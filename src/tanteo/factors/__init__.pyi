@@ -1,5 +1,4 @@
 from . import factor as factor
-from . import pose_factor as pose_factor
 from .axis_centre import AxisCentre as AxisCentre
 from .factor import Factor as Factor
 from .features import as_labelled_points as as_labelled_points

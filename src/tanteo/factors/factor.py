@@ -335,3 +335,40 @@ def numbered_landmarks(part: Part) -> list[tuple[type[Factor], int, Landmark]]:
 
 NO_DIRECTION = np.zeros(3)
 """Value that the core reads as "no direction sensed"."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CommonErrors:
+    """Errors that several factors have in common, such as those of the mounting of a camera that takes many images.
+
+    Attributes:
+        source: source of the errors. Factors whose errors have the same source (the same object) have them in common.
+        states: number of errors, each with a standard normal prior.
+    """
+
+    source: object
+    states: int
+
+
+def state_columns(factors: Sequence[PoseFactor], first: int) -> tuple[list[tuple[int, int]], int]:
+    """Return where the shared errors of factors are: first the errors of each factor, then common errors once.
+
+    Args:
+        factors: factors of one posterior.
+        first: index of the first error.
+
+    Returns:
+        For each factor the index of its first shared error and of its first common error; the number of all errors.
+    """
+    own, common = [], dict[int, int]()
+    at = first
+    for factor in factors:
+        own.append(at)
+        at += factor.states
+    for factor in factors:
+        errors = factor.common
+        if errors is not None and id(errors.source) not in common:
+            common[id(errors.source)] = at
+            at += errors.states
+    places = [0 if factor.common is None else common[id(factor.common.source)] for factor in factors]
+    return list(zip(own, places, strict=True)), at - first

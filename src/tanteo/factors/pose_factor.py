@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,18 +11,8 @@ from tanteo import _core
 from tanteo.geometry.typing import Transforms
 from tanteo.parts import Part
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CommonErrors:
-    """Errors that several factors have in common, such as those of the mounting of a camera that takes many images.
-
-    Attributes:
-        source: source of the errors. Factors whose errors have the same source (the same object) have them in common.
-        states: number of errors, each with a standard normal prior.
-    """
-
-    source: object
-    states: int
+if TYPE_CHECKING:
+    from tanteo.factors.factor import CommonErrors
 
 
 class PoseFactor(ABC):
@@ -62,27 +51,3 @@ class PoseFactor(ABC):
             first: index of the factor's first shared error among those of all factors.
             common: index of the first of its :attr:`common` errors.
         """
-
-
-def state_columns(factors: Sequence[PoseFactor], first: int) -> tuple[list[tuple[int, int]], int]:
-    """Return where the shared errors of factors are: first the errors of each factor, then common errors once.
-
-    Args:
-        factors: factors of one posterior.
-        first: index of the first error.
-
-    Returns:
-        For each factor the index of its first shared error and of its first common error; the number of all errors.
-    """
-    own, common = [], dict[int, int]()
-    at = first
-    for factor in factors:
-        own.append(at)
-        at += factor.states
-    for factor in factors:
-        errors = factor.common
-        if errors is not None and id(errors.source) not in common:
-            common[id(errors.source)] = at
-            at += errors.states
-    places = [0 if factor.common is None else common[id(factor.common.source)] for factor in factors]
-    return list(zip(own, places, strict=True)), at - first

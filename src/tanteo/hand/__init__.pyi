@@ -1,6 +1,5 @@
 from . import acquisition as acquisition
 from . import motion as motion
-from . import robot as robot
 from . import simulator as simulator
 from . import twists as twists
 from .acquisition.predicted import Predicted as Predicted

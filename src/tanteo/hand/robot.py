@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -174,32 +173,6 @@ class Hand:
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
-
-
-Free = Callable[[Vectors, FloatArray], BoolArray]
-"""Function of spheres, centres ``(*batch, k, 3)`` and radii ``(k,)``; it returns flags of free sets ``(*batch,)``."""
-
-
-class Reach(Protocol):
-    """Interface of what carries the hand: which poses and paths of the hand its joints allow."""
-
-    def reaches(self, Ts_world_hand: Transforms, free: Free | None = None) -> BoolArray:
-        """Return whether the hand can be at poses ``(N,)``.
-
-        Args:
-            Ts_world_hand: poses ``(N, 4, 4)``.
-            free: function that returns whether links are free of obstacles; all places are free if None.
-        """
-        ...
-
-    def follows(self, path: Transforms, free: Free | None = None) -> bool:
-        """Return whether the hand can follow a path from its present pose.
-
-        Args:
-            path: dense poses ``(N, 4, 4)``.
-            free: function that returns whether links are free of obstacles; all places are free if None.
-        """
-        ...
 
 
 class Robot(Protocol):

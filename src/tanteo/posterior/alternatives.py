@@ -14,7 +14,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.factors import PoseFactor
-from tanteo.factors.pose_factor import state_columns
+from tanteo.factors.factor import state_columns
 from tanteo.geometry import SE3
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms

@@ -10,7 +10,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.factors import ContactPoints, FreeRays, PoseFactor
-from tanteo.factors.pose_factor import state_columns
+from tanteo.factors.factor import state_columns
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, FloatArray, Indices, IntArray, Transforms
 from tanteo.parts import Part

@@ -21,7 +21,6 @@ from . import sight as sight
 from . import solid as solid
 from . import table as table
 from . import wireframe as wireframe
-from .answers import Question as Question
 from .camera import Camera as Camera
 from .camera import View as View
 from .descriptors import DESCRIPTOR_NAMES as DESCRIPTOR_NAMES
@@ -33,6 +32,5 @@ from .rendering import render as render
 from .sight import Sight as Sight
 from .sight import Sighting as Sighting
 from .sight import see_table as see_table
-from .solid import follow as follow
 from .solid import see as see
 from .views import view_factors as view_factors

@@ -13,7 +13,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.factors import PoseFactor
-from tanteo.factors.pose_factor import CommonErrors, state_columns
+from tanteo.factors.factor import CommonErrors, state_columns
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Part

@@ -11,19 +11,19 @@ from __future__ import annotations
 
 import re
 import sysconfig
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from tanteo.errors import InputError, MissingExtraError
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Tangents, Transforms, Vectors
-from tanteo.hand.robot import Free, Hand
+from tanteo.hand.robot import Hand
 from tanteo.hand.simulator.scene import Solid
 from tanteo.hand.twists import advance
 
@@ -65,6 +65,32 @@ _TRIED = 3
 
 _GAP = 0.005
 """Least distance between links, and between links and obstacles [m]."""
+
+
+Free = Callable[[Vectors, FloatArray], BoolArray]
+"""Function of spheres, centres ``(*batch, k, 3)`` and radii ``(k,)``; it returns flags of free sets ``(*batch,)``."""
+
+
+class Reach(Protocol):
+    """Interface of what carries the hand: which poses and paths of the hand its joints allow."""
+
+    def reaches(self, Ts_world_hand: Transforms, free: Free | None = None) -> BoolArray:
+        """Return whether the hand can be at poses ``(N,)``.
+
+        Args:
+            Ts_world_hand: poses ``(N, 4, 4)``.
+            free: function that returns whether links are free of obstacles; all places are free if None.
+        """
+        ...
+
+    def follows(self, path: Transforms, free: Free | None = None) -> bool:
+        """Return whether the hand can follow a path from its present pose.
+
+        Args:
+            path: dense poses ``(N, 4, 4)``.
+            free: function that returns whether links are free of obstacles; all places are free if None.
+        """
+        ...
 
 
 def mujoco() -> ModuleType:

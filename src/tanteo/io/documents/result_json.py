@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from tanteo.planning.execution import Executed, Visit
     from tanteo.planning.explanation import Explanation
     from tanteo.posterior import Hypothesis
-    from tanteo.vision import Question, Sight, Sighting
+    from tanteo.vision import Sight, Sighting
+    from tanteo.vision.answers import Question
     from tanteo.vision.ellipse_fit import Ellipse
 
 EMPTY = Answer("unknown", (NothingSeen(),), (), 1.0)

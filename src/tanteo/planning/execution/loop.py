@@ -12,7 +12,7 @@ from tanteo.geometry.typing import BoolArray, Transforms
 from tanteo.hand import Hand, Robot
 from tanteo.hand.acquisition import SENSE
 from tanteo.hand.motion import Motion, Rules, go_to
-from tanteo.hand.robot import Reach
+from tanteo.hand.simulator.arm import Reach
 from tanteo.planning.candidates import Candidates
 from tanteo.planning.execution.approach import approach_poses, feasible, ranked, route
 from tanteo.planning.execution.looking import Eyes, next_view

@@ -15,7 +15,7 @@ from tanteo.factors import ContactPoints, FreeRays
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 from tanteo.hand import Body, Workspace
-from tanteo.hand.robot import Reach
+from tanteo.hand.simulator.arm import Reach
 from tanteo.planning.start import Start
 from tanteo.planning.state import SensingState
 from tanteo.posterior import PreparedPart, box_corners

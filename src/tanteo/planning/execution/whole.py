@@ -14,7 +14,7 @@ from tanteo.geometry.typing import FloatArray
 from tanteo.hand import Hand, Predicted, predicted
 from tanteo.hand.acquisition import RADIUS_SHARE, Acquired, RoundGuess, least_radius
 from tanteo.hand.motion import Rules
-from tanteo.hand.robot import Reach
+from tanteo.hand.simulator.arm import Reach
 from tanteo.planning.candidates import Candidates
 from tanteo.planning.execution.approach import feasible
 from tanteo.planning.execution.possible import FreeSpace, PossiblePoses
