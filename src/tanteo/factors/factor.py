@@ -350,11 +350,11 @@ class CommonErrors:
     states: int
 
 
-def state_columns(factors: Sequence[PoseFactor], first: int) -> tuple[list[tuple[int, int]], int]:
+def state_columns(factors: Sequence[Any], first: int) -> tuple[list[tuple[int, int]], int]:
     """Return where the shared errors of factors are: first the errors of each factor, then common errors once.
 
     Args:
-        factors: factors of one posterior.
+        factors: pose factors of one posterior.
         first: index of the first error.
 
     Returns:
