@@ -124,6 +124,7 @@ def weigh(
     rng: np.random.Generator,
     *,
     log_left_out: float = -np.inf,
+    followed: bool = False,
 ) -> Posterior:
     """Return the posterior from finished searches: sample the probable regions, and normalize over all parts.
 
@@ -135,6 +136,8 @@ def weigh(
         rng: generator of all draws.
         log_left_out: largest log-evidence of parts that were not searched, their prior included; it counts for the
             unknown object.
+        followed: whether the searches follow the modes of earlier measurements. Their sources do not tell then how
+            much a search has missed.
     """
     drawing = zip(searches, priors, common_random_numbers(rng, len(searches)), strict=True)
     negligible = problem.settings.search.negligible
@@ -164,7 +167,7 @@ def weigh(
     modes.sort(key=lambda mode: round(most - mode.log_mass, 3))  # twins of nearly equal mass keep their order
     modes = [mode for k, mode in enumerate(modes) if not k or mode.log_mass > total - negligible]
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))  # dropped modes have no probability
-    once, unknown = _missing(modes), float(np.exp(log_none - total))
+    once, unknown = 0.0 if followed else _missing(modes), float(np.exp(log_none - total))
     kept = [replace(mode, probability=(1 - once) * float(np.exp(mode.log_mass - total))) for mode in modes]
     unseen = float(np.exp(log_left_out - total))
     return Posterior(problem, tuple(kept), unknown, total, once, tuple(searches), priors, anywhere, unseen)

@@ -69,7 +69,8 @@ def posterior_about(problem: Problem, part: PreparedPart, Ts: Transforms, rng: n
 def _weighed(
     problem: Problem, searches: dict[int, PartSearch], log_priors: FloatArray, anywhere: float, rng: np.random.Generator
 ) -> Posterior:
-    return weigh(problem, list(searches.values()), log_priors[list(searches)], anywhere, rng)
+    parts = list(searches)
+    return weigh(problem, list(searches.values()), log_priors[parts], anywhere, rng, followed=True)
 
 
 def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rng: np.random.Generator) -> PartSearch:
