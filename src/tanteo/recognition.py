@@ -24,7 +24,7 @@ from tanteo.posterior.answers import STATED, check_question, with_elapsed
 from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.convention_checks import about_conventions
 from tanteo.posterior.equal_parts import MOST, equal_parts
-from tanteo.posterior.findings import about_frames, about_readings, estimates_of, scale_of
+from tanteo.posterior.findings import about_frames, about_readings, estimates_of, scale_of, shared_estimates
 from tanteo.posterior.settings import Settings
 from tanteo.sensors import (
     PointMeasurements,
@@ -327,10 +327,9 @@ def _tip_estimate(answer: Answer, measured: PointMeasurements, sd: float) -> Ass
         return AssumedTip(sd)
     k = names.index("tip offset")
     rows = slice(sum(sizes[:k]), sum(sizes[: k + 1]))
-    shared = best.shared
-    whole = shared.covariance + shared.follows @ best.covariance @ shared.follows.T
-    sds = np.sqrt(np.diag(whole)[rows].clip(0.0))
-    return AssumedTip(sd, tuple(sd * shared.mean[rows]), tuple(sd * np.minimum(sds, 1.0)))
+    mean, covariance = shared_estimates(best)
+    sds = np.sqrt(np.diag(covariance)[rows].clip(0.0))
+    return AssumedTip(sd, tuple(sd * mean[rows]), tuple(sd * np.minimum(sds, 1.0)))
 
 
 def _is_contradicted(tip: AssumedTip) -> bool:

@@ -141,7 +141,8 @@ def shared_estimates(best: Hypothesis) -> tuple[FloatArray, FloatArray]:
     """Return mean and marginal covariance of the whitened shared errors of a hypothesis ``(D,)``, ``(D, D)``."""
     shared = best.shared
     assert shared is not None
-    return shared.mean, shared.covariance + shared.follows @ best.covariance @ shared.follows.T
+    assert shared.marginal is not None
+    return shared.mean, shared.marginal
 
 
 def faces_of(best: Hypothesis, measured: PointMeasurements, jacobian: FloatArray) -> list[str]:

@@ -11,7 +11,7 @@ from tanteo.factors import ContactPoints
 from tanteo.fitting.localization import SharedGiven
 from tanteo.geometry import SE3
 from tanteo.geometry.limits import NOTABLE
-from tanteo.geometry.typing import Transforms
+from tanteo.geometry.typing import Covariances, Transforms
 from tanteo.posterior.answers.hypothesis import hypothesis_at
 from tanteo.posterior.answers.misfit import Misfit
 from tanteo.posterior.answers.part_motions import symmetry_motions
@@ -40,6 +40,7 @@ def as_hypothesis(
     free, distances = one.free, one.at.distances[0]
     covariance, given = mode_covariances(one)
     common, common_given = common_tolerance(points, one)
+    shared = _shared_given(mode, covariance + common)
     covariance = with_unstated_errors(covariance, points, one, unstated)
     misfit = _joint_misfit(one, pose)
     names = face_names(one)
@@ -55,7 +56,7 @@ def as_hypothesis(
         pairings=tuple((i, f) for i, f, off in zip(points.ids, names, one.outliers, strict=True) if not off),
         outlier_distances=tuple(float(d) for d, off in zip(distances, one.outliers, strict=True) if off),
         covariance_relative=None if given is None else given + common_given,
-        shared=_shared_given(mode),
+        shared=shared,
     )
 
 
@@ -85,13 +86,13 @@ def _misfit_at(one: GoodnessOfFit, pose: PosePrior | None, T: Transforms) -> Mis
     return one.misfit().with_more(rest, more, one.states_from_priors(known_rows))
 
 
-def _shared_given(mode: Mode) -> SharedGiven | None:
-    """Return the shared errors given the pose of the answer; None without any."""
+def _shared_given(mode: Mode, covariance: Covariances) -> SharedGiven | None:
+    """Return the shared errors given the pose of the answer, whose covariance is given; None without any."""
     D = mode.objective.problem.points.shared_jacobian.shape[2]
     if not D:
         return None
     given = SharedGiven.at(mode.z[:D], mode.information[: 6 + D, : 6 + D])
-    return given.about(SE3.log(SE3.inverse(mode.T_peak) @ mode.T_world_part))
+    return given.about(SE3.log(SE3.inverse(mode.T_peak) @ mode.T_world_part)).for_pose(covariance)
 
 
 def worst_reading(points: ContactPoints, one: GoodnessOfFit) -> WorstReading | None:

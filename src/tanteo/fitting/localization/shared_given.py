@@ -17,11 +17,14 @@ class SharedGiven:
         mean: mean at the pose itself ``(D,)``.
         follows: derivatives of the mean by the pose, part frame, right perturbation ``(D, 6)``.
         covariance: covariance given the pose ``(D, D)``.
+        marginal: covariance whatever the pose ``(D, D)``; None if it is not known. Errors that nobody stated do not
+            enter it.
     """
 
     mean: FloatArray
     follows: FloatArray
     covariance: Covariances
+    marginal: Covariances | None = None
 
     @classmethod
     def at(cls, z: FloatArray, information: FloatArray) -> SharedGiven:
@@ -41,11 +44,21 @@ class SharedGiven:
 
     def mapped(self, M: FloatArray) -> SharedGiven:
         """Return ``M`` times these errors."""
-        return SharedGiven(M @ self.mean, M @ self.follows, M @ self.covariance @ M.T)
+        marginal = None if self.marginal is None else M @ self.marginal @ M.T
+        return SharedGiven(M @ self.mean, M @ self.follows, M @ self.covariance @ M.T, marginal)
 
     def about(self, xi: Tangents) -> SharedGiven:
         """Return the same about a pose that differs by ``xi`` ``(6,)``."""
-        return SharedGiven(self.mean + self.follows @ xi, self.follows, self.covariance)
+        return SharedGiven(self.mean + self.follows @ xi, self.follows, self.covariance, self.marginal)
+
+    def for_pose(self, covariance: Covariances) -> SharedGiven:
+        """Return the same with the marginal covariance.
+
+        Args:
+            covariance: covariance of the pose, part frame, right perturbation ``(6, 6)``.
+        """
+        marginal = self.covariance + self.follows @ covariance @ self.follows.T
+        return SharedGiven(self.mean, self.follows, self.covariance, marginal)
 
     def drawn(self, xi: Tangents, normal: FloatArray) -> FloatArray:
         """Return samples of the shared errors ``(S, D)`` at motions ``xi`` ``(S, 6)`` from the pose.
