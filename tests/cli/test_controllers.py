@@ -102,6 +102,9 @@ def test_misuse(words, message, run):
 
 
 PLAN = ("plan", "--part", BRACKET, "--goal", "0.3mm", "--sd", "0.02mm", "--tip-radius", "1.5mm")
+EXACT = ("--scale-sd", "1e-9", "--drift-sd", "1e-6mm", "--warp-sd", "1e-6mm")
+"""The machine of the test, like a plan, has none of the errors that `locate` otherwise assumes."""
+
 PRIOR = "420,-130,35mm 0,0,33deg +- 1mm 0.5deg"
 
 
@@ -162,7 +165,7 @@ def test_a_planned_program_finds_the_part_again(run, models, tmp_path, controlle
         machine.run(got.out)
         text = probe_log(machine.log) if controller == "grbl" else "".join(f"{line}\n" for line in machine.log)
         log.write_text(text, encoding="utf-8")
-        options = ("--units", "mm", "--radius", "1.5mm", "--sd", "0.02mm", "--pose-prior", PRIOR)
+        options = ("--units", "mm", "--radius", "1.5mm", "--sd", "0.02mm", "--pose-prior", PRIOR, *EXACT)
         found = run("locate", log, "--part", BRACKET, *options, "--json")
         assert found.code == 0, found.err
         best = json.loads(found.out)["hypotheses"][0]

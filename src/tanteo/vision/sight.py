@@ -170,10 +170,8 @@ def see_table(
     start = time.perf_counter()
     T_world_table = np.eye(4) if T_world_table is None else T_world_table
     weights = weights or Weights()
-    shots = [
-        shot_of(view, parts, T_world_table, table or TableErrors())
-        for view in (View(image, camera, ignore=ignore), *others)
-    ]
+    table = table or TableErrors()
+    shots = [shot_of(view, parts, T_world_table, table) for view in (View(image, camera, ignore=ignore), *others)]
     objects = []
     for regions in same_objects(shots):
         shown = next(k for k, region in enumerate(regions) if region is not None)
@@ -187,7 +185,8 @@ def see_table(
         models = [prepared(parts[int(row)]) for row in chosen.rows]
         images, own = image_candidates(models, shots, regions, chosen.rests, weights)
         area = area_of(region, shot.camera, shot.T_camera_table)
-        lying = OnTable(T_world_table, shot.errors.height, shot.errors.tilt, area)
+        # the camera's error is a state of the images: the table has its own alone
+        lying = OnTable(T_world_table, table.height, table.tilt, area)
         posterior = infer(
             images,
             [(model, own.get(id(model), np.zeros((0, 4, 4)))) for model in models],
