@@ -15,16 +15,16 @@ def test_without_a_camera_a_feeder_gives_the_prior_pose(run, tmp_path, monkeypat
     from tanteo.bench.demo import stage, story
 
     monkeypatch.setattr(stage, "find_spec", lambda name: None)
-    easy = replace(stage.STOP, tolerance=6e-3)  # a few readings
+    easy = replace(stage.STOP, tolerance=3e-3)  # a few readings
     monkeypatch.setattr(story, "STOP", easy)
     monkeypatch.setattr(stage.Stage.session, "__defaults__", (easy,))
     report = tmp_path / "demo.html"
     got = run("demo", "--no-open", "--report", str(report))
     assert got.code == 0
-    assert got.out.startswith("Goal: the part with 99 %, and every corner of it within 6.0 mm at 95 %.\n")
+    assert got.out.startswith("Goal: the part with 99 %, and every corner of it within 3.0 mm at 95 %.\n")
     assert "No camera" in got.out
     assert "\nstep_12mm, located to" in got.out
-    assert float(re.search(r"It was step_12mm, and the corner farthest off is ([\d.]+) mm", got.out)[1]) < 12  # 2 sd
+    assert float(re.search(r"It was step_12mm, and the corner farthest off is ([\d.]+) mm", got.out)[1]) < 6  # 2 sd
     text = report.read_text(encoding="utf-8")
     assert "How it went" in text
     assert "random" not in got.out  # which was counted with the camera

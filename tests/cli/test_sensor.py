@@ -62,7 +62,7 @@ def test_show_describes_a_robot(run):
 
 def test_pictures_are_drawn(run, tmp_path):
     pytest.importorskip("matplotlib")
-    for suffix in ("png", "svg"):
+    for suffix in ("png", "svg", "pdf"):
         file = tmp_path / f"noise.{suffix}"
         result = run("sensor", "show", "vl53l0x", "--picture", file)
         assert (result.code, result.err) == (0, "")

@@ -127,6 +127,7 @@ def test_colour_only_on_a_terminal_and_never_with_no_color(parts):
     assert "\x1b[1m" not in text
     wrong = ["part", "show", parts / "none.stl", "--units", "mm"]
     assert "\x1b[31merror:" in on_terminal(wrong)[1]
+    assert "\x1b[31m" not in on_terminal(wrong, NO_COLOR="1")[1]
     assert tanteo_process(*wrong).stderr.startswith("error: ")
 
 
