@@ -133,7 +133,7 @@ def question(answer):
     return SimpleNamespace(
         rig=None,
         problem=lambda readings, parts: (Problem(ContactPoints.none(), FreeRays.none(), Priors()), Candidates(parts)),
-        answer=lambda readings, parts, *, shared_errors=(): answer(readings, parts),
+        answer=lambda readings, parts, *, shared_errors=(), settings=None: answer(readings, parts),
     )
 
 

@@ -235,7 +235,7 @@ def test_a_log_of_a_robot_program_has_the_pose_of_the_tool(run, tmp_path):
 
 
 def test_the_error_of_the_form_needs_more_touches(run):
-    words = ("plan", "--part", BRACKET, "--goal", "1.2mm", "--sd", "0.05mm", "--json")
+    words = ("plan", "--part", BRACKET, "--goal", "0.8mm", "--sd", "0.05mm", "--json")
     plain = json.loads(run(*words).out)
     cast = json.loads(run(*words, "--form-sd", "cast").out)
     assert len(cast["readings"]) > len(plain["readings"])

@@ -52,7 +52,7 @@ def test_an_answer_reports_a_different_mass(parts):
     whole = WholeObject(mass=(0.1, 0.002), density=(7850.0, 80.0))
     answer = tanteo.locate(readings, parts["bracket_left"], priors=Priors(whole=whole))
     assert "The mass corresponds to 12.74 cm3, the volume of bracket_left is 190.1 cm3." in answer.message
-    assert [one.kind for one in answer.findings if one.role != "verdict"] == ["outliers", "whole"]
+    assert [one.kind for one in answer.findings if one.role != "verdict"] == ["shared_error", "outliers", "whole"]
 
 
 @pytest.mark.parametrize(
