@@ -112,6 +112,10 @@ def bench(wedge, folder):
     return {}
 
 
+def sensors(wedge, folder):
+    return {}
+
+
 GIVEN = {
     made.__name__: made
     for made in (
@@ -125,6 +129,7 @@ GIVEN = {
         round_features,
         sense_part,
         sensing_hand,
+        sensors,
         vision,
     )
 }

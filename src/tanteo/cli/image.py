@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from tanteo import io
 from tanteo.cli.misuse import MisuseError
@@ -85,7 +84,10 @@ def read_views(images: Sequence[str] | None, cameras: Cameras) -> tuple[View, ..
         raise MisuseError("--marks: expected none beside --hand-eye, which places the camera, got some. Drop one.")
     named = _one_each("--camera", cameras.camera, images)
     marks = _one_each("--marks", cameras.marks, images)
-    views = [_read_view(image, str(own), mark, cameras) for image, own, mark in zip(images, named, marks, strict=True)]
+    views = [
+        _read_view(image, str(own), mark, cameras, len(images) > 1)
+        for image, own, mark in zip(images, named, marks, strict=True)
+    ]
     return tuple(views if cameras.hand_eye is None else _on_hand(views, images, cameras))
 
 
@@ -119,7 +121,7 @@ def _one_each(option: str, given: Sequence[str] | None, images: Sequence[str]) -
     return [*given] * (len(images) if len(given) == 1 else 1)
 
 
-def _read_view(image: str, camera: str, marks: str | None, options: Cameras) -> View:
+def _read_view(image: str, camera: str, marks: str | None, options: Cameras, is_one_of_many: bool) -> View:
     from tanteo.vision import View
 
     pixels = io.read_image(image)
@@ -129,7 +131,9 @@ def _read_view(image: str, camera: str, marks: str | None, options: Cameras) -> 
     if marks is not None:
         taken, fit = io.scenes.place_camera(taken, marks)
         worst = int(fit.offs.argmax())
-        words = f"Camera of {image} fitted to {len(fit.offs)} marks, {fit.rms:.2f} px rms"
+        words = (
+            f"Camera{f' of {image}' if is_one_of_many else ''} fitted to {len(fit.offs)} marks, {fit.rms:.2f} px rms"
+        )
         off = f"; number {worst + 1} is {fit.offs[worst]:.1f} px off." if fit.rms > _INEXACT else "."
         print_text(words + off, sys.stderr)
     return View(pixels, taken, on_table=not options.no_table)
@@ -163,8 +167,8 @@ def _on_hand(views: Sequence[View], images: Sequence[str], options: Cameras) -> 
         # the absolute error of a robot differs from pose to pose, so that it is independent for each image
         robot = robot_preset(options.robot)
         sds = (
-            float(np.hypot(robot.pos_repeat_std, robot.pos_abs_std)),
-            float(np.hypot(robot.rot_repeat_std, robot.rot_abs_std)),
+            math.hypot(robot.pos_repeat_std, robot.pos_abs_std),
+            math.hypot(robot.rot_repeat_std, robot.rot_abs_std),
         )
     elif any(pose.sds is None for pose in poses):
         complain(
@@ -194,6 +198,8 @@ def outline_of(view: View, points: Vectors, parts: Sequence[Any], table: Table |
     Raises:
         InputError: the image does not show the object.
     """
+    import numpy as np
+
     from tanteo.vision import outline_of_readings
 
     frame = np.eye(4) if table is None else table.frame

@@ -49,6 +49,7 @@ EXTRAS = {
     "urdf": ("xacro", "rigs from xacro files (--rig robot.xacro#link)"),
     "ros": ("rclpy", "a node of ROS 2 (tanteo ros)"),
     "sim": ("mujoco", "a robot arm in the simulator (tanteo sense part --cell)"),
+    "arms": ("example_robot_data", "models of further arms (tanteo sense part --cell)"),
     "cluster": ("distributed", "work spread over many machines (--scheduler)"),
 }
 """Module and purpose of each extra."""

@@ -31,7 +31,7 @@ _TINY = 1e-9
 _EXACT = 1e-7
 """Smallest standard deviation of the robot's position and rotation, so that covariances are invertible [m, rad]."""
 
-_NEGLIGIBLE = 1e-4
+_NEGLIGIBLE = 1e-8
 """Numerical: factor on the variances of all candidates that stands for infinitely many readings."""
 
 _POSES = 2048

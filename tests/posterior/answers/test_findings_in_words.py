@@ -28,7 +28,16 @@ CHOICES = {
 """Values of fields that have a fixed set of them; the causes of a rim, a click and a feature differ by type."""
 
 
-def value(name, annotation, count):
+TUPLES = {
+    "tuple[float, ...]": lambda k: 1e-3 * (k + 1),
+    "tuple[tuple[str, int], ...]": lambda k: (f"thing {k}", k + 1),
+    "tuple[tuple[float, ...], ...]": lambda k: (0.1 * k, 0.2, 0.3),
+    "tuple[tuple[str, ...], ...]": lambda k: (f"reading {k}",),
+}
+"""Values of tuples of numbers and of pairs, by their annotation."""
+
+
+def value(name, annotation, count, given=()):
     """Return a plausible value of a field, with as many names or numbers as there are readings."""
     if annotation is bool:
         return count != 1
@@ -50,7 +59,7 @@ def value(name, annotation, count):
         return ("x", "offset", "scale")[: 1 + count]
     if name in ("ranges", "echoes", "depths"):
         return (0.1, 0.2) if count else (float("inf"), 1.0)
-    if "sets" in name:
+    if "sets" in name and name != "offsets":
         return tuple((f"{k}", f"{k}b") for k in range(count))
     if name in ("others", "on"):
         return tuple((f"thing {k}", 0.5 if name == "others" else k + 1) for k in range(count))
@@ -64,13 +73,15 @@ def value(name, annotation, count):
         return tuple(findings.ExpectedReading(f"part {k}", 0.5, f"face {k}", 0.1, 1e-3) for k in range(count))
     if name in ("start", "point", "direction"):
         return (0.0, 0.6, 0.8)
-    if name in ("estimate", "sds"):
+    if name == "estimate" or (name == "sds" and "estimate" in given):
         return (1e-4, 2e-4, -3e-4) if count else ()
+    if kinds := TUPLES.get(str(annotation)):
+        return tuple(kinds(k) for k in range(count))
     if name in ("distances", "lengths"):
         return tuple(1e-3 * (k + 1) for k in range(count))
     if name == "worst":
         return findings.WorstReading("7", 4.2) if count else None
-    if name == "units":
+    if name == "units" and "tuple" not in str(annotation):
         return findings.UnitsQuestion(0.2, 2, 210.0, ("mm",)) if count else None
     if annotation == tuple[str, str]:
         return ("wedge", "block")
@@ -80,7 +91,8 @@ def value(name, annotation, count):
 
 def made(kind, count):
     annotations = typing.get_type_hints(kind)
-    values = {one.name: value(one.name, annotations[one.name], count) for one in dataclasses.fields(kind)}
+    count = max(count, 2) if kind in (findings.SeveralEqual, findings.SharedEstimates) else count
+    values = {one.name: value(one.name, annotations[one.name], count, annotations) for one in dataclasses.fields(kind)}
     if typing.get_origin(annotations.get("cause")) is typing.Literal:
         values["cause"] = typing.get_args(annotations["cause"])[count % 3]
     if annotations.get("cause") is Finding:

@@ -186,8 +186,8 @@ def _positive(A: FloatArray) -> FloatArray:
 
 def _inverse(A: FloatArray) -> FloatArray:
     """Return the inverse of an information matrix; directions without information get no variance."""
-    size = np.sqrt(np.maximum(np.diag(A), 1e-300))
-    return np.asarray(np.linalg.pinv(A / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size))
+    size = np.sqrt(np.maximum(np.diag(A), 1e-15 * max(float(np.diag(A).max()), 1e-300)))
+    return np.asarray(np.linalg.pinv(A / np.outer(size, size), rcond=1e-9, hermitian=True) / np.outer(size, size))
 
 
 def _gained(gain: FloatArray, extra: FloatArray) -> Covariances:
