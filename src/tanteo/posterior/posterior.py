@@ -136,7 +136,7 @@ def weigh(
         rng: generator of all draws.
         log_left_out: largest log-evidence of parts that were not searched, their prior included; it counts for the
             unknown object.
-        followed: whether the searches follow the modes of earlier measurements. Their sources do not tell then how
+        followed: whether the searches follow the modes of earlier measurements. Their sources do not state then how
             much a search has missed.
     """
     drawing = zip(searches, priors, common_random_numbers(rng, len(searches)), strict=True)

@@ -17,8 +17,7 @@ class SharedGiven:
         mean: mean at the pose itself ``(D,)``.
         follows: derivatives of the mean by the pose, part frame, right perturbation ``(D, 6)``.
         covariance: covariance given the pose ``(D, D)``.
-        marginal: covariance whatever the pose ``(D, D)``; None if it is not known. Errors that nobody stated do not
-            enter it.
+        marginal: covariance over all poses ``(D, D)``; None if it is not known. Unstated errors do not enter it.
     """
 
     mean: FloatArray
