@@ -63,6 +63,15 @@ def test_stated_errors_replace_the_assumed_ones(target):
     assert stated < alone < free
 
 
+def test_assumed_errors_do_not_enter_a_stated_estimate(target):
+    found = [
+        answer(target, 3, shift=(0.6, 0, 0), shared_errors=e)[0] for e in ((Scale(1e-3),), (Scale(1e-3), *TINY[1:]))
+    ]
+    variances = [a.best.shared.marginal[0, 0] for a in found]
+    assert found[0].best.corner_sd > found[1].best.corner_sd
+    assert variances[0] == pytest.approx(variances[1], rel=0.02)
+
+
 def test_assumed_errors_are_in_proportion_to_the_noise(target):
     coarse, fine = (answer(target, 4, noise=noise)[0].best for noise in (5e-5, 5e-6))
     assert np.isclose(coarse.corner_sd / fine.corner_sd, 10, rtol=0.3)

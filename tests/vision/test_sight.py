@@ -23,6 +23,7 @@ from tanteo.vision.posterior import ImagePosterior
 from tanteo.vision.regions import find_regions
 from tanteo.vision.rendering import Appearance, Stage, render, rendered_part
 from tanteo.vision.solid import see_anywhere
+from tanteo.vision.table import TableErrors
 from tanteo.words import message_of
 from vision_scenes import random_shot
 
@@ -67,6 +68,15 @@ def test_every_part_of_a_scene_is_recognized(two, models):
         assert total <= 1 + 1e-9
         assert seen.outline is not None
         assert seen.outline["area"] > 0
+
+
+def test_an_error_of_the_camera_is_not_one_of_the_table(two, models):
+    """The part is on the table at its own height, however uncertain the pose of the camera is."""
+    image, camera, _, _ = two
+    unsure = replace(camera, covariance=np.diag([1e-3, 1e-3, 1e-3, 1e-4, 1e-4, 1e-4]) ** 2)
+    best = see_table(image, unsure, models[:1], table=TableErrors(height=1e-4)).objects[0].answer.hypotheses[0]
+    R = best.T_world_part[:3, :3]
+    assert np.sqrt((R @ best.covariance[:3, :3] @ R.T)[2, 2]) < 4e-4
 
 
 @pytest.mark.slow
