@@ -24,12 +24,12 @@ def target():
     return prepare(tanteo.read_part(PARTS / "housing.step"))
 
 
-def answer(target, k, *, displaced=None, shift=(0, 0, 0), noise=NOISE, **options):
-    """Locate 20 touches of a scene; ``displaced`` maps true points to sensed ones."""
+def answer(target, k, *, displaced=None, shift=(0, 0, 0), noise=NOISE, count=20, **options):
+    """Locate touches of a scene; ``displaced`` maps true points to sensed ones."""
     rng = np.random.default_rng(k)
     T = box_centred_pose(rng, 0.3)
     T[:3, 3] += shift
-    p, d = beams(target, 20, rng, tilt=0.02)
+    p, d = beams(target, count, rng, tilt=0.02)
     p, d = SE3.apply(T, p), d @ T[:3, :3].T
     points = (p if displaced is None else displaced(p)) + noise * rng.normal(size=p.shape)
     readings = tanteo.Readings.from_columns(points=points, directions=d, sds=np.full(len(p), noise))
@@ -49,6 +49,11 @@ def test_an_unstated_world_scale_is_covered(target):
 def test_an_unstated_drift_is_covered(target):
     way = np.linspace(0, 3e-4, 20)[:, None] * np.array([0.6, 0.8, 0.0])
     assert covered(target, 12, displaced=lambda p: p + way) >= 9
+
+
+def test_more_readings_do_not_remove_a_small_warp(target):
+    free, straight = (answer(target, 1, count=200, shared_errors=e)[0].best.corner_sd for e in (TINY[:2], TINY))
+    assert free > 1.3 * straight
 
 
 def test_even_readings_are_covered_and_not_much_wider(target):
