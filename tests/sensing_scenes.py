@@ -20,7 +20,7 @@ from tanteo.posterior.answers import corner_moves
 from tanteo.posterior.details import details_at
 from tanteo.posterior.near_variants import log_density_of_near_variant
 from tanteo.posterior.part_search import start_search
-from tanteo.sensors import Readings
+from tanteo.sensors import Column, Readings, measure
 from tanteo.sensors.presets import NoiseLaw
 
 LASER = Probe("laser", NoiseLaw.of(3e-4), max_range=0.3, standoff=0.1)
@@ -177,8 +177,11 @@ def made_session(target, form_sd, rng, seed=0, sd=5e-5, **stop):
     return session, T, form_sd * rng.normal(size=len(target.part.faces))
 
 
-def carried_out(found, target, start, sd, rng):
-    """Return the largest error of a place after a plan whose readings go to ``locate`` without feedback."""
+def carried_out(found, target, start, sd, rng, *, assumed=False):
+    """Return the largest error of a place after a plan whose readings go to ``locate`` without feedback.
+
+    With ``assumed`` they have the errors that ``locate`` assumes, drawn from their prior.
+    """
     T = start.Ts[0] @ SE3.exp(np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=6))
     origins, directions = of_plan(found)
     ranges = beam_hits(target, T[None], origins, directions)[0][:, 0]
@@ -189,6 +192,10 @@ def carried_out(found, target, start, sd, rng):
         directions=directions[on_face],
         sds=np.full(on_face.sum(), sd),
     )
+    for error in measure(readings).unstated if assumed else ():
+        size = rng.choice(list(error.sizes), p=list(error.sizes.values()))
+        moved = error.columns @ (size * rng.normal(size=error.columns.shape[2]))
+        readings = replace(readings, points=Column.from_rows(np.asarray(readings.points) + moved))
     answer = locate(readings, target.part, priors=Priors(pose=PosePrior(start.Ts[0], start.covariances[0])))
     if not answer.hypotheses:
         return np.inf

@@ -71,6 +71,13 @@ def test_a_reached_goal_needs_no_reading(undecided):
     assert isinstance(next_reading(decided, [part], tanteo.probe_of(SD, contact=True), goal=1e-5), NextReading)
 
 
+def test_a_free_rotation_has_a_next_reading(undecided):
+    part, _, _, answer = undecided
+    turning = np.diag([1e-4] * 3 + [4.0, 0.01, 0.01]) ** 2
+    free = replace(answer, hypotheses=tuple(replace(h, covariance_relative=turning) for h in answer.hypotheses))
+    assert isinstance(next_reading(free, [part], tanteo.probe_of(SD, contact=True)), NextReading)
+
+
 def test_an_unknown_object_has_no_next_reading(undecided):
     part, _, _, answer = undecided
     assert next_reading(replace(answer, status="unknown"), [part], tanteo.probe_of(SD)) is None

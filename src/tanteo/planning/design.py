@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.geometry import SE3
-from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Vectors
+from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Rotations, Vectors
+from tanteo.planning.assumed import assumed_errors, drawn_ranges
 from tanteo.planning.candidates import Candidates, propose
 from tanteo.planning.placements import Placements, Promise, placements
 from tanteo.planning.places import Places, places_of
@@ -57,6 +58,7 @@ class Design:
         limit: covariance of the pose in the limit of infinitely many readings ``(6, 6)``.
         places: points to which the tolerance applies.
         moves: Jacobian of these points over the pose ``(K, 3, 6)``.
+        rotation: expected rotation of the part ``(3, 3)``.
         chosen_by: sampled placements by which readings are chosen.
         judged_by: independent placements by which the choice is evaluated.
     """
@@ -72,6 +74,7 @@ class Design:
     limit: Covariances
     places: Places
     moves: FloatArray
+    rotation: Rotations
     chosen_by: Placements
     judged_by: Placements
 
@@ -138,12 +141,13 @@ class Design:
         xi = even_normals(_POSES) @ (vectors * np.sqrt(values.clip(0.0))).T
         return float(np.mean(self._off(xi) <= tolerance))
 
-    def kept(self, chosen: IntArray, tolerance: float) -> float:
+    def kept(self, chosen: IntArray, tolerance: float, *, assumed: bool = False) -> float:
         """Return the probability of the tolerance over the placements; only readings that hit their faces count.
 
         Args:
             chosen: rows of the candidates.
             tolerance: largest allowed displacement of a point [m].
+            assumed: whether the readings also have the errors that :func:`tanteo.locate` assumes if none are stated.
         """
         out, known, total = self.judged_by, np.linalg.inv(self.prior), 0.0
         for hit, k in out.patterns(chosen):
@@ -151,8 +155,19 @@ class Design:
             rest = C @ known  # part of the prior error that no reading observes
             values, vectors = np.linalg.eigh(C - rest @ C)
             noise = out.noise[k] @ (vectors * np.sqrt(values.clip(0.0))).T
-            total += np.sum(self._off((noise - (out.errors[k] @ rest.T)[:, None])[..., :6]) <= tolerance)
+            xi = (noise - (out.errors[k] @ rest.T)[:, None])[..., :6]
+            if assumed and hit.any():
+                xi = xi + self._moved_by_assumed(C, chosen[hit], k, out.noise.shape[1])
+            total += np.sum(self._off(xi) <= tolerance)
         return float(total / (len(out) * out.noise.shape[1]))
+
+    def _moved_by_assumed(self, C: Covariances, rows: IntArray, placements: IntArray, draws: int) -> FloatArray:
+        """Return errors of the pose by assumed errors, which its estimate ignores ``(k, draws, 6)`` [m, rad]."""
+        c = self.candidates
+        errors = assumed_errors(self.points[rows], c.directions[rows], c.ranges[rows], self.probe)
+        normals = self.rows[rows, :3] @ self.rotation.T
+        gain = C[:6] @ (self.rows[rows].T / self.variances[rows])
+        return np.asarray(drawn_ranges(errors, normals, placements, draws) @ gain.T)
 
     def _off(self, xi: FloatArray) -> FloatArray:
         """Return the largest displacement of a point at perturbations of the pose ``(*batch, 6)`` [m]."""
@@ -188,7 +203,8 @@ class Design:
         """
         if_all_hit = self.chance(self.after(chosen), tolerance)
         fractions = (of[:, chosen].all(axis=1).mean() for of in (self.judged_by.meets, self.judged_by.clear))
-        return Promise(self.kept(chosen, tolerance), if_all_hit, *map(float, fractions))
+        within = self.kept(chosen, tolerance), self.kept(chosen, tolerance, assumed=True)
+        return Promise(*within, if_all_hit, *map(float, fractions))
 
     def best(self, tolerance: float) -> float:
         """Return the probability of the tolerance with all candidates together.
@@ -240,7 +256,7 @@ def design_of(
     of_states = np.concatenate(rows, axis=1)
     return Design(
         target, probe, candidates, faces, points, of_states, own, prior, _limit(of_states, own, prior), places,
-        places.moves, chosen_by.take(kept), judged_by.take(kept),
+        places.moves, T[:3, :3], chosen_by.take(kept), judged_by.take(kept),
     )  # fmt: skip
 
 

@@ -34,12 +34,15 @@ class Promise:
 
     Attributes:
         within: probability of the tolerance over all placements; only readings that hit their faces count.
+        within_assumed: the same probability if the readings have the errors that :func:`tanteo.locate` assumes if none
+            are stated.
         if_all_hit: probability of the tolerance if every reading hits its face.
         all_meet: fraction of the placements at which every reading hits its face.
         all_clear: fraction of the placements at which all starts and approach paths are clear of the part.
     """
 
     within: float
+    within_assumed: float
     if_all_hit: float
     all_meet: float
     all_clear: float

@@ -235,7 +235,7 @@ def _result(
         return SystematicErrorLimits(goal, design.places.sd(design.limit), design.probe.form_sd)
     return PlanResult(
         goal, reached, len(readings), readings[-1].sd, brings.within, brings.if_all_hit, brings.all_meet,
-        brings.if_all_hit >= confidence,
+        brings.if_all_hit >= confidence, brings.within_assumed,
     )  # fmt: skip
 
 

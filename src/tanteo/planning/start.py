@@ -23,6 +23,9 @@ ORIGIN_SDS = 0.005, float(np.radians(3.0))
 _BEYOND = 1.2
 """Spread of sampled prior poses, as a multiple of the prior standard deviations."""
 
+_TURN = 3.0
+"""Numerical: largest rotation sd of a hypothesis as a prior pose [rad]. Below pi, at which a rotation is unknown."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Start(Value):
@@ -271,7 +274,19 @@ def from_hypotheses(
         tuple(targets),
         np.array([names.index(h.part) for h in hypotheses], dtype=np.int64),
         np.array([h.T_world_part for h in hypotheses]).reshape(-1, 4, 4),
-        np.array([h.covariance for h in hypotheses]).reshape(-1, 6, 6),
+        _turned_at_most(np.array([h.covariance for h in hypotheses]).reshape(-1, 6, 6)),
         np.array([h.probability for h in hypotheses]),
         priors or Priors(),
     )
+
+
+def _turned_at_most(covariances: Covariances) -> Covariances:
+    """Return covariances of poses with rotation sds of at most :data:`_TURN` ``(n, 6, 6)``.
+
+    The covariance of an estimate is linear at the pose, so that it may exceed a turn.
+    """
+    variances, axes = np.linalg.eigh(covariances[:, 3:, 3:])
+    shrink = np.tile(np.eye(6), (len(covariances), 1, 1))
+    share = np.minimum(1.0, _TURN / np.sqrt(np.maximum(variances, _TURN**2)))
+    shrink[:, 3:, 3:] = (axes * share[:, None, :]) @ np.swapaxes(axes, 1, 2)
+    return np.asarray(shrink @ covariances @ np.swapaxes(shrink, 1, 2))

@@ -51,6 +51,8 @@ class PlanResult(Finding):
         if_all_meet: the same probability if every reading hits its face.
         all_meet: fraction of the placements at which every reading hits its face.
         better_start: whether a better prior pose would help; otherwise a better sensor or another approach.
+        within_assumed: probability that the tolerance is kept if the readings share the errors that ``locate`` assumes
+            if none are stated; NaN if it was not computed.
     """
 
     kind: ClassVar[str] = "plan_result"
@@ -63,6 +65,7 @@ class PlanResult(Finding):
     if_all_meet: float
     all_meet: float
     better_start: bool = False
+    within_assumed: float = float("nan")
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,12 +46,15 @@ def _(one: f.PlanResult) -> Words:
     hit = f"{one.if_all_meet:.3f} if every reading hits its face, as at {one.all_meet:.0%} of the placements"
     within = f"{one.within:.3f}" if one.reached else _at_least(one.within)
     chances = f"P = {within} over all placements; {hit}"
+    after = f"After them: {_spread(one.goal, one.sd)}."
+    if not math.isnan(one.within_assumed):
+        after += f" With a scale error, drift and warp as locate assumes them: P = {_at_least(one.within_assumed)}."
     places = "1 reading places" if one.count == 1 else f"{one.count} readings place"
     if one.reached:
-        return f"{places} {_aim(one.goal)} ({chances}). After them: {_spread(one.goal, one.sd)}.", ""
+        return f"{places} {_aim(one.goal)} ({chances}). {after}", ""
     text = f"{places.replace(' place', ' do not place').replace('do not places', 'does not place')} {_aim(one.goal)}"
     more = f"a better prior pose, or {_SESSION}" if one.better_start else "a better sensor, or another approach"
-    return f"{text} ({chances}). After them: {_spread(one.goal, one.sd)}.", f"Allow more readings, use {more}."
+    return f"{text} ({chances}). {after}", f"Allow more readings, use {more}."
 
 
 @words_of.register
