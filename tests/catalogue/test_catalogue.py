@@ -347,7 +347,7 @@ def test_coarse_fields_are_cached_and_made_anew_if_damaged(tmp_path, monkeypatch
 
     def field():
         part = read_parts([tmp_path / "wedge.off"], unit="mm").parts[0]
-        return coarse_field(part, compiled_shape(part))
+        return coarse_field(part, lambda: compiled_shape(part))
 
     grid, levels = field()
     (kept,) = (tmp_path / "cache").rglob("*.field1")

@@ -74,7 +74,7 @@ def test_a_hole_that_no_plate_has_is_reported(plates, few):
 def test_a_table_has_the_axes_of_the_likelihood(plates):
     """One axis for each hole and for the hub."""
     prepared = prepare(plates[0])
-    rows = signature(plates[0], prepared.shape)["axes"]
+    rows = signature(plates[0], lambda: prepared.shape)["axes"]
     assert rows[:, 8].sum() == pytest.approx(1)
     assert len(set(rows[:, 10])) == len(HOLES) + 1
     assert sorted(set(rows[:, 9])) == [-1, 1]
@@ -86,7 +86,7 @@ def test_of_very_many_holes_the_largest_are_kept(folder, monkeypatch):
 
     monkeypatch.setattr(signatures, "AXES", 2)
     part = as_part(drilled(hub=None), folder / "many.step")
-    rows = signature(part, prepare(part).shape)["axes"]
+    rows = signature(part, lambda: prepare(part).shape)["axes"]
     assert len(set(rows[:, 10])) == 2 < AXES
     assert rows[:, 6] == pytest.approx(4e-3)
     assert rows[:, 8].sum() == pytest.approx(0.5)

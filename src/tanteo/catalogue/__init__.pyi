@@ -1,5 +1,6 @@
 from . import cache as cache
 from . import cluster as cluster
+from . import copies as copies
 from . import file_warnings as file_warnings
 from . import pool as pool
 from . import signatures as signatures
@@ -17,7 +18,6 @@ from .segment import tables_of as tables_of
 from .shaping import SAMPLES as SAMPLES
 from .shaping import SHAPE as SHAPE
 from .shaping import compiled_shape as compiled_shape
-from .stability import StablePose as StablePose
 from .stability import known_stable_poses as known_stable_poses
 from .stability import stable_poses as stable_poses
 from .store import is_catalogue as is_catalogue

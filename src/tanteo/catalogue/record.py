@@ -47,7 +47,7 @@ def record_of(part: Part) -> Record:
     """
     shape = compiled_shape(part)
     whole, own = (zlib.compress(data, _LEVEL) for data in (part_to_bytes(part), shape.bytes()))
-    return Record(part.name, part.source, part.unit, whole, own, signature(part, shape))
+    return Record(part.name, part.source, part.unit, whole, own, signature(part, lambda: shape))
 
 
 def record_to_bytes(record: Record) -> bytes:

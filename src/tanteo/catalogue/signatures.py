@@ -5,7 +5,7 @@ A signature depends only on the part, in its own frame in metres, and takes abou
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -13,7 +13,9 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.catalogue.cache import load_derived, store_derived
+from tanteo.catalogue.copies import COARSEST, copy_of
 from tanteo.catalogue.index import kinds
+from tanteo.catalogue.shaping import compiled_shape
 from tanteo.catalogue.stability import hull_points, stable_pose_rows
 from tanteo.factors.factor import landmark_rows
 from tanteo.geometry.typing import FloatArray, Vectors
@@ -93,12 +95,12 @@ def faces_of(part: Part) -> dict[str, np.ndarray]:
     return {"planes": planes, "rounds": rounds, "numbers": numbers, **starts}
 
 
-def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
+def signature(part: Part, shape: Callable[[], _core.Shape]) -> dict[str, Any]:
     """Return the signature of a part by column name.
 
     Args:
         part: the part.
-        shape: compiled shape of the part.
+        shape: function that returns the compiled shape of the part; of a large part a copy is compiled instead.
 
     Returns:
         ``numbers`` (17): area, volume, radius, diameter, mean width, centroid, box, order of symmetry, whether the
@@ -210,12 +212,12 @@ def pairs_of(planes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return tuple(np.asarray(row, dtype=np.float32) for row in rows)  # type: ignore[return-value]
 
 
-def coarse_field(part: Part, shape: _core.Shape) -> tuple[np.ndarray, np.ndarray]:
+def coarse_field(part: Part, shape: Callable[[], _core.Shape]) -> tuple[np.ndarray, np.ndarray]:
     """Return the grid and the quantized signed distances of a part, from the part or the cache if stored there.
 
     Args:
         part: the part.
-        shape: compiled shape of the part.
+        shape: function that returns the compiled shape of the part; of a large part a copy is compiled instead.
 
     Returns:
         Origin, step [m] and counts of the grid ``(7,)``, and distance levels of its nodes ``(n,)``.
@@ -223,7 +225,8 @@ def coarse_field(part: Part, shape: _core.Shape) -> tuple[np.ndarray, np.ndarray
     if "field" not in part.derived:
         known = _stored_field(part)
         if known is None:
-            known = _field(part, shape)
+            copy = copy_of(part, COARSEST)
+            known = _field(copy, shape() if copy is part else compiled_shape(copy))
             store_derived(part, _FIELD, known[0].tobytes() + known[1].tobytes())
         part.derived["field"] = known
     field: tuple[np.ndarray, np.ndarray] = part.derived["field"]

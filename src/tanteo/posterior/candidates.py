@@ -95,8 +95,9 @@ class Candidates:
         rounding = float(np.finfo(np.float32).resolution)
         same = np.isclose(self._numbers[:, :2], (part.area, part.volume), rtol=rounding, atol=0).all(axis=1)
         names: tuple[list[str], list[str]] = ([], [])
-        own = chirality(part)
-        for row in map(int, np.flatnonzero(same)):
+        rows = np.flatnonzero(same)
+        own = chirality(part) if len(rows) > 1 else 0.0  # alone, it is the part itself
+        for row in map(int, rows):
             other = chirality(self.prepared(row).part) if abs(own) > _CHIRAL else 0.0
             names[own * other < -(_CHIRAL**2)].append(self.name(row))
         return names
@@ -137,14 +138,14 @@ class Candidates:
         if isinstance(self.parts, Catalogue):
             return self.tables
         opened = [prepare(part) for part in self.parts]
-        return [(0, field_table(self._numbers, [coarse_field(one.part, one.shape) for one in opened]))]
+        return [(0, field_table(self._numbers, [coarse_field(one.part, one.compiled) for one in opened]))]
 
 
 def _signed(prepared: PreparedPart) -> dict[str, Any]:
     """Return the signature of a part, which is kept with it."""
     derived = prepared.part.derived
     if "signature" not in derived:
-        derived["signature"] = signature(prepared.part, prepared.shape)
+        derived["signature"] = signature(prepared.part, prepared.compiled)
     known: dict[str, Any] = derived["signature"]
     return known
 

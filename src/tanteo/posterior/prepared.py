@@ -10,6 +10,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.catalogue import SAMPLES, SHAPE, cache, compiled_shape
+from tanteo.catalogue.copies import Resolution, copy_of
 from tanteo.catalogue.signatures import faces_of
 from tanteo.geometry.typing import IntArray, Vectors
 from tanteo.parts import Part, Surface, as_parts
@@ -44,6 +45,19 @@ class PreparedPart(Value):
         if cache.keeps(self.part):
             cache.store_derived(self.part, SHAPE, shape.bytes())
         return shape
+
+    def compiled(self) -> _core.Shape:
+        """Return the compiled shape."""
+        return self.shape
+
+    def at(self, resolution: Resolution) -> PreparedPart:
+        """Return the coarsest copy of the part that the noise of readings allows, prepared; itself unless it is large.
+
+        Args:
+            resolution: noise of the readings.
+        """
+        copy = copy_of(self.part, resolution)
+        return self if copy is self.part else prepare(copy)
 
     @cached_property
     def samples(self) -> Vectors:

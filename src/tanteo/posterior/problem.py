@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tanteo import _core
+from tanteo.catalogue.copies import Resolution
 from tanteo.factors import ContactPoints, FreeRays, PoseFactor
 from tanteo.factors.factor import state_columns
 from tanteo.geometry import SE3
@@ -101,6 +102,17 @@ class Problem:
     def states(self) -> int:
         """Return the number of states beside the pose: shared errors and the noise scale."""
         return self.shared_errors + (self.scale_sd > 0)
+
+    @property
+    def resolution(self) -> Resolution:
+        """Return the noise of the points, at the least scale that its prior expects; 0 without points."""
+        points = self.points
+        if not len(points):
+            return Resolution(0.0)
+        least = float(np.sqrt(max(np.linalg.eigvalsh(points.covs)[:, 0].min(), 0.0)))
+        return Resolution(
+            least * math.exp(-self.scale_sd), float(points.normal_sds.min()) if points.oriented.any() else math.inf
+        )
 
     @property
     def log_factors_unknown(self) -> float:

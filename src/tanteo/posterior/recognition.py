@@ -141,14 +141,14 @@ def _located(
 
 def _answer(problem: Problem, candidates: Candidates, chosen: Active, seed: int) -> Posterior:
     """Return the posterior of the active parts."""
-    parts = [candidates.prepared(int(row)) for row in chosen.rows]
+    parts = [candidates.prepared(int(row)).at(problem.resolution) for row in chosen.rows]
     known = [_proposed(problem, candidates, chosen, int(row)) for row in chosen.rows]
     rest = set(chosen.others.tolist())
 
     def similar(part: PreparedPart) -> list[PreparedPart]:
         rows = [row for row in candidates.similar(part, chosen.others, problem.settings.pruning) if row in rest]
         rest.difference_update(rows)
-        return [candidates.prepared(row) for row in rows]
+        return [candidates.prepared(row).at(problem.resolution) for row in rows]
 
     centroid = candidates.centroids.mean(axis=0)
     log_ratio = chosen.unsearched if chosen.bound else None

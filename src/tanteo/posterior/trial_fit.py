@@ -93,7 +93,8 @@ def trial_fits(problem: Problem, candidates: Candidates, *, offset_sd: float = 0
         own = [poses[row] for poses in starts if row in poses]
         if own:
             Ts = np.ascontiguousarray(np.concatenate(own))
-            found.append(_of_part(problem, candidates.prepared(row), Ts, rows, limits[rows], offset_sd, step))
+            part = candidates.prepared(row).at(problem.resolution)
+            found.append(_of_part(problem, part, Ts, rows, limits[rows], offset_sd, step))
     return sorted(found, key=lambda fit: -fit.explained)
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.catalogue import StablePose, known_stable_poses
+from tanteo.catalogue import known_stable_poses
+from tanteo.catalogue.stability import StablePose
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.parts import Part

@@ -35,6 +35,7 @@ void offer_pose_terms(nb::module_& m);  // pose_terms_bindings.cpp
 void offer_beams(nb::module_& m);   // beam_bindings.cpp
 void offer_coarse(nb::module_& m);  // coarse_bindings.cpp
 void offer_outlines(nb::module_& m);  // outlines_bindings.cpp
+void offer_meshes(nb::module_& m);  // mesh_bindings.cpp
 void offer_planes(nb::module_& m);  // planes_bindings.cpp
 void offer_axes(nb::module_& m);  // axes_bindings.cpp
 void offer_rounds(nb::module_& m);  // rounds_bindings.cpp
@@ -609,6 +610,7 @@ NB_MODULE(native, m) {
     offer_beams(m);
     offer_coarse(m);
     offer_outlines(m);
+    offer_meshes(m);
     offer_planes(m);
     offer_axes(m);
     offer_rounds(m);

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.errors import PartError, TanteoError, UnitError
 from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.parts.readers.polygons import read_obj, read_off
@@ -148,10 +149,15 @@ def read_mesh_file(path: Path) -> CadMesh:
 
 def _read_stl(path: Path, label: str) -> tuple[FloatArray, IntArray]:
     """Read STL, text or binary; bytes after the last triangle of a binary file are ignored."""
+    size = path.stat().st_size
     with path.open("rb") as stream:
         head = stream.read(84)
-    if len(head) == 84 and head[80:] == b"\0\0\0\0":
+    if head[80:] == b"\0\0\0\0":
         raise PartError(f"{label}: expected triangles, got an STL file with a count of zero. Export it again.")
+    count = int.from_bytes(head[80:84], "little")
+    promised = 84 + 50 * count
+    if count and promised <= size:  # the bytes of a text are a count beyond any file
+        return _read_binary_stl(path, count)
     found = _read_with_trimesh(path, label)
     if len(found[1]):
         return found
@@ -162,19 +168,28 @@ def _read_stl(path: Path, label: str) -> tuple[FloatArray, IntArray]:
                 f"{label}: expected the word endsolid, got a text that breaks off. Copy or export it again."
             )
         return found
-    count = int.from_bytes(data[80:84], "little")
-    promised = 84 + 50 * count
-    if promised > len(data):
+    if promised > size:
         raise PartError(
-            f"{label}: expected a binary STL of {count:,} triangles ({promised:,} bytes), got {len(data):,} bytes: "
+            f"{label}: expected a binary STL of {count:,} triangles ({promised:,} bytes), got {size:,} bytes: "
             "it is cut off, or no STL. Copy or export it again."
         )
-    return _read_with_trimesh(path, label, data[:promised])
+    return found
 
 
-def _read_with_trimesh(path: Path, label: str, data: bytes | None = None) -> tuple[FloatArray, IntArray]:
-    """Read a file with trimesh; ``data`` replaces the file's own bytes."""
-    data = _old_text(path) if data is None else data
+_STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("unused", "<u2")])
+"""Definition: a triangle of a binary STL file."""
+
+
+def _read_binary_stl(path: Path, count: int) -> tuple[FloatArray, IntArray]:
+    """Read the triangles of a binary STL file, and join their equal corners."""
+    rows = np.fromfile(path, dtype=_STL_TRIANGLE, count=count, offset=84)
+    vertices, corners = _core.weld(np.ascontiguousarray(rows["corners"], dtype=np.float32))
+    return vertices, corners.reshape(-1, 3)
+
+
+def _read_with_trimesh(path: Path, label: str) -> tuple[FloatArray, IntArray]:
+    """Read a file with trimesh."""
+    data = _old_text(path)
     source = str(path) if data is None else BytesIO(data)
     with third_party_reader(path, label):
         import trimesh  # slow to import

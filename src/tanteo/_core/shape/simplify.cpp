@@ -1,0 +1,225 @@
+#include "shape/simplify.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "shape/shape.hpp"
+
+namespace tanteo {
+
+constexpr double WORTHWHILE = 0.01;  // least fraction of the vertices that a further pass has to remove
+constexpr double NEEDLE = 0.01;      // least ratio of height to longest side of a new triangle
+constexpr double SHORT = 0.01;       // cost of the length of a collapsed edge, over that of its height: it chooses on planes
+constexpr int TRIED = 3;             // number of adjacent vertices that are tried
+
+Simplifier::Simplifier(const std::vector<Vec3>& points, const int* corners, const int* faces, size_t count)
+    : triangles(corners, corners + 3 * count), rows(count), vertices(points), normals(points.size()),
+      fixed(points.size(), 0), first(count, -1), after(points.size(), -1), stamp(points.size(), 0) {
+    std::vector<int> face_at(points.size(), -1);
+    for (size_t t = 0; t < count; ++t) {
+        rows[t] = static_cast<int>(t);
+        const int* c = &triangles[3 * t];
+        const Vec3 across = cross(points[c[1]] - points[c[0]], points[c[2]] - points[c[0]]);
+        for (int j = 0; j < 3; ++j) {
+            normals[c[j]] += across;
+            if (face_at[c[j]] >= 0 && face_at[c[j]] != faces[t]) fixed[c[j]] = 1;
+            face_at[c[j]] = faces[t];
+        }
+    }
+    for (Vec3& n : normals) n = unit(n);
+    connect();
+    for (size_t v = 0; v < points.size(); ++v)
+        if (!fixed[v] && !find_ring(static_cast<int>(v))) fixed[v] = 1;
+}
+
+void Simplifier::connect() {
+    start.assign(vertices.size() + 1, 0);
+    for (const int v : triangles) ++start[v + 1];
+    for (size_t v = 0; v < vertices.size(); ++v) start[v + 1] += start[v];
+    around.resize(triangles.size());
+    std::vector<int> at(start.begin(), start.end() - 1);
+    for (size_t k = 0; k < triangles.size(); ++k) around[at[triangles[k]]++] = static_cast<int>(k / 3);
+}
+
+// Fills the ring of a vertex, side after side; returns whether it is one closed chain.
+bool Simplifier::find_ring(int u) {
+    ring.clear();
+    for (int k = start[u]; k < start[u + 1]; ++k) {
+        const int* c = &triangles[3 * around[k]];
+        const int j = c[0] == u ? 0 : (c[1] == u ? 1 : 2);
+        ring.push_back({c[(j + 1) % 3], c[(j + 2) % 3], around[k]});
+    }
+    const size_t n = ring.size();
+    if (n < 3) return false;
+    for (size_t k = 0; k + 1 < n; ++k) {
+        size_t next = k + 1;
+        while (next < n && ring[next].from != ring[k].to) ++next;
+        if (next == n) return false;
+        std::swap(ring[k + 1], ring[next]);
+        if (k && ring[k].to == ring[0].from) return false;
+    }
+    return ring[n - 1].to == ring[0].from;
+}
+
+// Whether the surface stays as connected as it is: two vertices are adjacent to both, and no triangle occurs twice.
+bool Simplifier::is_linked(int u, int v) {
+    ++stamped;
+    int opposite = 0;
+    for (int k = start[v]; k < start[v + 1]; ++k)
+        for (int j = 0; j < 3; ++j) stamp[triangles[3 * around[k] + j]] = stamped;
+    for (const Side& side : ring) opposite += side.from != v && stamp[side.from] == stamped;
+    if (opposite != 2) return false;
+    if (ring.size() > 3) return true;
+    for (int k = start[v]; k < start[v + 1]; ++k) {
+        const int* c = &triangles[3 * around[k]];
+        if (c[0] == u || c[1] == u || c[2] == u) continue;
+        int common = 0;
+        for (int j = 0; j < 3; ++j)
+            for (const Side& side : ring) common += c[j] != v && side.from == c[j];
+        if (common == 2) return false;
+    }
+    return true;
+}
+
+// Whether the triangles at u can have v in its place; the new triangle of each removed vertex is kept in `owner`.
+bool Simplifier::can_move(int u, int v, double limit, double cosine) {
+    chain.assign(1, u);
+    for (const Side& side : ring)
+        for (int p = first[side.triangle]; p >= 0; p = after[p]) chain.push_back(p);
+    const Vec3& at = vertices[v];
+    for (const Side& side : ring) {
+        if (side.from == v || side.to == v) continue;
+        const Vec3 &a = vertices[side.from], &b = vertices[side.to];
+        const Vec3 across = cross(a - at, b - at), before = cross(a - vertices[u], b - vertices[u]);
+        const double doubled = norm(across);
+        const double longest = std::sqrt(std::max({squared(a - at), squared(b - at), squared(b - a)}));
+        if (!(doubled > NEEDLE * longest * longest)) return false;
+        const double least = cosine * doubled;
+        if (dot(across, before) < cosine * doubled * norm(before)) return false;
+        for (const int corner : {side.from, side.to, v})
+            if (!fixed[corner] && dot(across, normals[corner]) < least) return false;
+    }
+    const auto is_near = [&](const Vec3& p, int tip) {  // to the triangles of the ring with this tip
+        Vec3 q;
+        for (const Side& side : ring)
+            if (side.from != tip && side.to != tip &&
+                point_triangle(p, vertices[tip], vertices[side.from], vertices[side.to], q) <= limit)
+                return true;
+        return false;
+    };
+    for (const Side& side : ring) {  // edges may leave the other surface although no vertex does
+        const Vec3& end = vertices[side.from];
+        if (side.from != v && !(is_near(0.5 * (at + end), u) && is_near(0.5 * (vertices[u] + end), v))) return false;
+    }
+    owner.resize(chain.size());
+    for (size_t k = 0; k < chain.size(); ++k) {
+        const Vec3& p = vertices[chain[k]];
+        double best = 1e300;
+        Vec3 q;
+        for (const Side& side : ring) {
+            if (side.from == v || side.to == v) continue;
+            const double d2 = point_triangle(p, at, vertices[side.from], vertices[side.to], q);
+            if (d2 < best) {
+                best = d2;
+                owner[k] = static_cast<int>(&side - ring.data());
+            }
+        }
+        if (best > limit) return false;
+        const Side& side = ring[owner[k]];
+        const Vec3 across = cross(vertices[side.from] - at, vertices[side.to] - at);
+        if (dot(across, normals[chain[k]]) < cosine * norm(across)) return false;
+    }
+    return true;
+}
+
+void Simplifier::move(int u, int v) {
+    for (const Side& side : ring) {
+        int* c = &triangles[3 * side.triangle];
+        first[side.triangle] = -1;
+        if (side.from == v || side.to == v)
+            c[0] = -1;  // it vanishes
+        else
+            *std::find(c, c + 3, u) = v;
+        touched[side.from] = 1;
+        failed[side.from] = 0;
+    }
+    for (size_t k = 0; k < chain.size(); ++k) {
+        int& head = first[ring[owner[k]].triangle];
+        after[chain[k]] = head;
+        head = chain[k];
+    }
+}
+
+size_t Simplifier::pass(double tolerance, double cosine) {
+    connect();
+    touched.assign(vertices.size(), 0);
+    struct Choice {
+        float cost;
+        int u;
+    };
+    std::vector<Choice> choices;
+    const auto cost_of = [&](int u, int v) {
+        const Vec3 way = vertices[v] - vertices[u];
+        return std::fabs(dot(normals[u], way)) + SHORT * norm(way);
+    };
+    for (int u = 0; u < static_cast<int>(vertices.size()); ++u) {
+        if (fixed[u] || failed[u] || start[u] == start[u + 1]) continue;
+        double least = 1e300;
+        for (int k = start[u]; k < start[u + 1]; ++k)
+            for (int j = 0; j < 3; ++j)
+                if (const int v = triangles[3 * around[k] + j]; v != u) least = std::min(least, cost_of(u, v));
+        choices.push_back({static_cast<float>(least), u});
+    }
+    std::sort(choices.begin(), choices.end(), [](const Choice& a, const Choice& b) {
+        return a.cost != b.cost ? a.cost < b.cost : a.u < b.u;
+    });
+    size_t removed = 0;
+    std::vector<std::pair<double, int>> targets;
+    for (const Choice& choice : choices) {
+        const int u = choice.u;
+        if (touched[u]) continue;
+        if (!find_ring(u)) {
+            fixed[u] = 1;
+            continue;
+        }
+        targets.clear();
+        bool waits = false;
+        for (const Side& side : ring) {
+            if (touched[side.from])
+                waits = true;
+            else
+                targets.emplace_back(cost_of(u, side.from), side.from);
+        }
+        const size_t most = std::min<size_t>(TRIED, targets.size());
+        std::partial_sort(targets.begin(), targets.begin() + most, targets.end());
+        bool moved = false;
+        for (size_t k = 0; k < most && !moved; ++k) {
+            const int v = targets[k].second;
+            if (!is_linked(u, v) || !can_move(u, v, tolerance * tolerance, cosine)) continue;
+            move(u, v);
+            ++removed;
+            moved = true;
+        }
+        failed[u] = !moved && !waits;
+    }
+    size_t kept = 0;
+    for (size_t t = 0; t < rows.size(); ++t) {
+        if (triangles[3 * t] < 0) continue;
+        std::copy_n(&triangles[3 * t], 3, &triangles[3 * kept]);
+        rows[kept] = rows[t];
+        first[kept++] = first[t];
+    }
+    triangles.resize(3 * kept);
+    rows.resize(kept);
+    first.resize(kept);
+    return removed;
+}
+
+void Simplifier::simplify(double tolerance, double tilt) {
+    failed.assign(vertices.size(), 0);
+    const double cosine = std::cos(tilt);
+    while (static_cast<double>(pass(tolerance, cosine)) > WORTHWHILE * static_cast<double>(rows.size()) / 2) {
+    }
+}
+
+}  // namespace tanteo

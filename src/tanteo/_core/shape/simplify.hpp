@@ -1,0 +1,46 @@
+// Coarser copies of a mesh whose deviation from it is bounded.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "vec.hpp"
+
+namespace tanteo {
+
+// Removes vertices by half-edge collapses: a copy has some of the vertices and none new. Each removed vertex is assigned
+// to a triangle of the copy and is within the tolerance of it, so copies of thin walls keep both sides. Normals of the
+// copy differ from those at the vertices that a triangle replaces by at most the tilt. Vertices at the border of a face,
+// of the surface, or of a place that is no manifold stay.
+// Beside vertices, where edges of the two surfaces cross, they may be up to two tolerances apart.
+class Simplifier {
+  public:
+    Simplifier(const std::vector<Vec3>& vertices, const int* triangles, const int* faces, size_t count);
+    // Removes vertices until few more can be removed.
+    void simplify(double tolerance, double tilt);
+
+    std::vector<int> triangles, rows;  // three vertices of each triangle, and the original triangle from which it came
+
+  private:
+    struct Side {  // of the ring of a vertex, in the direction of its triangle
+        int from, to, triangle;
+    };
+    const std::vector<Vec3>& vertices;
+    std::vector<Vec3> normals;       // at the vertices of the original mesh
+    std::vector<char> fixed;         // vertices that stay
+    std::vector<int> first, after;   // removed vertices of each triangle, as a chain: the first, and the one after each
+    std::vector<int> start, around;  // triangles at each vertex
+    std::vector<char> failed, touched;
+    std::vector<int> stamp;
+    int stamped = 0;
+    std::vector<Side> ring;
+    std::vector<int> chain, owner;  // removed vertices of a ring, and the new triangle of each
+
+    void connect();
+    bool find_ring(int u);
+    bool is_linked(int u, int v);
+    bool can_move(int u, int v, double limit, double cosine);
+    void move(int u, int v);
+    size_t pass(double tolerance, double cosine);
+};
+
+}  // namespace tanteo

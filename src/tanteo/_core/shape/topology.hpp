@@ -1,0 +1,37 @@
+// Connectivity of meshes: equal rows, edges with their triangles, connected components, near points.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "vec.hpp"
+
+namespace tanteo {
+
+// Sets of equal keys, numbered in ascending order of the keys: the first row of each set, and the set of each row.
+struct KeySets {
+    std::vector<int64_t> first, sets;
+    KeySets(const int64_t* keys, size_t count);
+};
+
+// Undirected edges in the order of their vertices, the lower one first: number of triangles that have each forwards and
+// backwards, and the last of these triangles; -1 for none.
+struct EdgeTable {
+    std::vector<int64_t> ends, ahead, back, left, right;
+    EdgeTable(const int64_t* triangles, size_t count, size_t vertices);
+};
+
+// Connected component of each node, numbered by its lowest node.
+std::vector<int64_t> components(size_t count, const int64_t* first, const int64_t* second, size_t links);
+
+// Pairs of points closer than a distance, the lower row first.
+std::vector<int64_t> near_pairs(const double* points, size_t count, double distance);
+
+// Number of each row of three numbers among the different ones in the order of their first occurrence, which are appended
+// to `different`; -0 equals 0.
+std::vector<int64_t> welded(const float* rows, size_t count, std::vector<double>& different);
+
+// Unit normals, zero for a triangle without area, and areas.
+void triangle_geometry(const double* vertices, const int64_t* triangles, size_t count, double* normals, double* areas);
+
+}  // namespace tanteo

@@ -1,0 +1,122 @@
+"""Coarser copies of parts with very many triangles, which deviate from the part by far less than the readings' noise.
+
+A copy has some of the vertices of the part, and all of its faces, edges and symmetry: vertices inside faces vanish.
+The search and the samples use the coarsest copy that the noise of the readings allows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.parts import Part
+
+LARGE = 30_000
+"""Number of triangles above which copies are used.
+
+The core compiles 4,000 triangles in the time in which a copy of 30,000 is made (`benchmarks/cliffs.py "first call"`).
+"""
+
+SHARE = 0.1
+"""Largest deviation of a copy over the smallest standard deviation of a reading: below 1 % of its variance."""
+
+TILT_SHARE = 0.3
+"""Largest tilt of the normals of a copy over the smallest standard deviation of a sensed normal."""
+
+_COARSEST = 1e-3
+"""Deviation of the coarsest copy over the diagonal: a quarter of the resolution of a coarse field."""
+
+_FINEST = 4
+"""Number of finer copies, each with a quarter of the deviation of the last: the finest has 4 um for a part of 1 m."""
+
+_USUAL = 2
+"""Number of the copy from which coarser ones are made, so that most questions need one pass over all triangles."""
+
+_SMOOTH = 0.3
+"""Largest tilt of the normals of a copy for readings without sensed normals [rad]: it prevents folds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Resolution:
+    """Noise of readings, which decides how coarse a copy may be.
+
+    Attributes:
+        sd: smallest standard deviation of a point in any direction [m]; 0 for the part itself.
+        tilt_sd: smallest standard deviation of a sensed normal [rad]; infinity without sensed normals.
+    """
+
+    sd: float
+    tilt_sd: float = np.inf
+
+
+COARSEST = Resolution(np.inf)
+"""Resolution of data that are quantized, such as coarse fields."""
+
+
+def copy_of(part: Part, resolution: Resolution) -> Part:
+    """Return the coarsest copy of a part that a resolution allows; the part itself if it is small or none is allowed.
+
+    Copies are stored with the part, and made at the first use of their triangles.
+
+    Args:
+        part: any part.
+        resolution: noise of the readings.
+    """
+    if "stored" in part.derived or len(part.triangles) <= LARGE:
+        return part  # a catalogue has the compiled shape of the part
+    level = _level(part, resolution.sd)
+    halvings = max(int(np.ceil(np.log2(_SMOOTH / (TILT_SHARE * resolution.tilt_sd) + 1e-300))), 0)
+    if level > _FINEST or halvings > 2 * _FINEST:
+        return part
+    return _copy(part, level, halvings)
+
+
+def _copy(part: Part, level: int, halvings: int) -> Part:
+    """Return a copy from those that are stored with the part."""
+    copies: dict[tuple[int, int], Part] = part.derived.setdefault("copies", {})
+    if (level, halvings) not in copies:
+        copies[level, halvings] = _opened(part, level, halvings)
+    return copies[level, halvings]
+
+
+def _level(part: Part, sd: float) -> int:
+    """Return the number of the coarsest tolerance below a tenth of a standard deviation; 0 is the coarsest."""
+    ratio = SHARE * sd / (_COARSEST * part.diagonal)
+    return 0 if ratio >= 1 else (int(np.ceil(-np.log2(ratio) / 2)) if ratio > 0 else _FINEST + 1)
+
+
+def _opened(part: Part, level: int, halvings: int) -> Part:
+    """Return a copy whose mesh is made at its first use."""
+    mesh = ("vertices", "triangles", "triangle_face")
+    others = {f.name: getattr(part, f.name) for f in fields(part) if f.name not in (*mesh, "derived")}
+    known: dict[str, np.ndarray] = {}
+
+    def load(name: str) -> np.ndarray:
+        if not known:
+            known.update(zip(mesh, _simplified(part, level, halvings), strict=True))
+        return known[name]
+
+    copy = Part.opened(load, **others)
+    if "key" in part.derived:
+        copy.derived["key"] = f"{part.derived['key']}-{level}-{halvings}"
+    return copy
+
+
+def _simplified(part: Part, level: int, halvings: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return vertices, triangles and face of each triangle of a copy."""
+    tolerance, finer = _COARSEST * part.diagonal / 4.0**level, part
+    if level < _USUAL and not halvings:
+        finer = _copy(part, _USUAL, 0)
+        tolerance -= _COARSEST * part.diagonal / 4.0**_USUAL
+    part = finer
+    triangles, rows = _core.simplify(
+        np.ascontiguousarray(part.vertices, dtype=np.float64), np.ascontiguousarray(part.triangles, dtype=np.int32),
+        np.ascontiguousarray(part.triangle_face, dtype=np.int32), tolerance, _SMOOTH / 2.0**halvings,
+    )  # fmt: skip
+    used, index = np.unique(triangles, return_inverse=True)
+    arrays = part.vertices[used], index.reshape(-1, 3).astype(np.int64), part.triangle_face[rows]
+    for array in arrays:
+        array.setflags(write=False)
+    return arrays
