@@ -1,4 +1,4 @@
-"""Coarser copies of large meshes: bounded deviation, everything else as it was, and the same answers."""
+"""Coarser copies of large meshes: bounded deviation, the same borders, and the same answers."""
 
 import numpy as np
 import pytest
@@ -23,19 +23,19 @@ def grid(rows, height):
 def ball(rows, rng=None):
     """Return a closed lumpy shape of ``4 rows^2`` triangles, about 2 large."""
     vertices, triangles = [[0, 0, 1.0]], []
-    around = 2 * rows
+    sides = 2 * rows
     for polar in np.linspace(0, np.pi, rows + 1)[1:-1]:
-        turn = np.linspace(0, 2 * np.pi, around, endpoint=False)
+        turn = np.linspace(0, 2 * np.pi, sides, endpoint=False)
         vertices += np.column_stack(
-            [np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.full(around, np.cos(polar))]
+            [np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.full(sides, np.cos(polar))]
         ).tolist()
     last = len(vertices)
-    for k in range(around):
-        after = (k + 1) % around
-        triangles += [(0, 1 + k, 1 + after), (last, last - around + after, last - around + k)]
+    for k in range(sides):
+        after = (k + 1) % sides
+        triangles += [(0, 1 + k, 1 + after), (last, last - sides + after, last - sides + k)]
         for ring in range(rows - 2):
-            a, b = 1 + ring * around + k, 1 + ring * around + after
-            triangles += [(a, a + around, b), (b, a + around, b + around)]
+            a, b = 1 + ring * sides + k, 1 + ring * sides + after
+            triangles += [(a, a + sides, b), (b, a + sides, b + sides)]
     vertices = np.array([*vertices, [0, 0, -1.0]])
     rng = rng or np.random.default_rng(5)
     radius = np.ones(len(vertices))

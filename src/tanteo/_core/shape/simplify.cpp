@@ -36,18 +36,18 @@ void Simplifier::connect() {
     start.assign(vertices.size() + 1, 0);
     for (const int v : triangles) ++start[v + 1];
     for (size_t v = 0; v < vertices.size(); ++v) start[v + 1] += start[v];
-    around.resize(triangles.size());
+    at_vertex.resize(triangles.size());
     std::vector<int> at(start.begin(), start.end() - 1);
-    for (size_t k = 0; k < triangles.size(); ++k) around[at[triangles[k]]++] = static_cast<int>(k / 3);
+    for (size_t k = 0; k < triangles.size(); ++k) at_vertex[at[triangles[k]]++] = static_cast<int>(k / 3);
 }
 
 // Fills the ring of a vertex, side after side; returns whether it is one closed chain.
 bool Simplifier::find_ring(int u) {
     ring.clear();
     for (int k = start[u]; k < start[u + 1]; ++k) {
-        const int* c = &triangles[3 * around[k]];
+        const int* c = &triangles[3 * at_vertex[k]];
         const int j = c[0] == u ? 0 : (c[1] == u ? 1 : 2);
-        ring.push_back({c[(j + 1) % 3], c[(j + 2) % 3], around[k]});
+        ring.push_back({c[(j + 1) % 3], c[(j + 2) % 3], at_vertex[k]});
     }
     const size_t n = ring.size();
     if (n < 3) return false;
@@ -61,17 +61,17 @@ bool Simplifier::find_ring(int u) {
     return ring[n - 1].to == ring[0].from;
 }
 
-// Whether the surface stays as connected as it is: two vertices are adjacent to both, and no triangle occurs twice.
+// Whether the connections of the surface stay: two vertices are adjacent to both, and no triangle occurs twice.
 bool Simplifier::is_linked(int u, int v) {
     ++stamped;
     int opposite = 0;
     for (int k = start[v]; k < start[v + 1]; ++k)
-        for (int j = 0; j < 3; ++j) stamp[triangles[3 * around[k] + j]] = stamped;
+        for (int j = 0; j < 3; ++j) stamp[triangles[3 * at_vertex[k] + j]] = stamped;
     for (const Side& side : ring) opposite += side.from != v && stamp[side.from] == stamped;
     if (opposite != 2) return false;
     if (ring.size() > 3) return true;
     for (int k = start[v]; k < start[v + 1]; ++k) {
-        const int* c = &triangles[3 * around[k]];
+        const int* c = &triangles[3 * at_vertex[k]];
         if (c[0] == u || c[1] == u || c[2] == u) continue;
         int common = 0;
         for (int j = 0; j < 3; ++j)
@@ -167,7 +167,7 @@ size_t Simplifier::pass(double tolerance, double cosine) {
         double least = 1e300;
         for (int k = start[u]; k < start[u + 1]; ++k)
             for (int j = 0; j < 3; ++j)
-                if (const int v = triangles[3 * around[k] + j]; v != u) least = std::min(least, cost_of(u, v));
+                if (const int v = triangles[3 * at_vertex[k] + j]; v != u) least = std::min(least, cost_of(u, v));
         choices.push_back({static_cast<float>(least), u});
     }
     std::sort(choices.begin(), choices.end(), [](const Choice& a, const Choice& b) {

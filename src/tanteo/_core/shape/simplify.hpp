@@ -28,7 +28,7 @@ class Simplifier {
     std::vector<Vec3> normals;       // at the vertices of the original mesh
     std::vector<char> fixed;         // vertices that stay
     std::vector<int> first, after;   // removed vertices of each triangle, as a chain: the first, and the one after each
-    std::vector<int> start, around;  // triangles at each vertex
+    std::vector<int> start, at_vertex;  // triangles at each vertex
     std::vector<char> failed, touched;
     std::vector<int> stamp;
     int stamped = 0;
