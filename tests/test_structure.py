@@ -26,7 +26,7 @@ MOST = {
     "code lines of C++": 10800,
     "exported names": 450,
     "exported names without a user": 0,
-    "words of docs": 40200,
+    "words of docs": 40600,
     "live decisions": 40,
 }
 """Largest accepted figures. Lines and words may grow with new capabilities; the others may only fall."""
