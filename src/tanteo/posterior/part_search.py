@@ -74,19 +74,26 @@ class PartSearch:
         return self.objective.problem.log_pose_density(prepared) + orbit + self.log_odds
 
     def restart(self, effort: Effort | None = None) -> None:
-        """Carry out one more round: all proposers in turn, each of which reads the maxima so far."""
+        """Carry out one more round: all proposers in turn, each of which reads the maxima so far.
+
+        A later round of a part that does not explain the points searches for one missed pose. Such a pose is among the
+        best refined ones, so that a round maximizes from these alone.
+        """
+        most = None
         if self.restarts:  # the points that are farthest apart may be outliers: later rounds take others
+            most = self.settings.points if effort is None and not self.is_good_fit() else None
             self._take_other_points()
         for proposer in proposers():
-            self.propose(proposer, effort)
+            self.propose(proposer, effort, most)
         self.restarts += 1
 
-    def propose(self, proposer: Proposer, effort: Effort | None = None) -> None:
+    def propose(self, proposer: Proposer, effort: Effort | None = None, most: int | None = None) -> None:
         """Maximize from the poses of one proposer, and merge the maxima with those found before.
 
         Args:
             proposer: source of initial poses.
             effort: numbers of poses to propose; None for those of the settings.
+            most: largest number of refined poses to maximize from; None for the number of the proposer.
 
         Raises:
             PluginError: a proposer of another distribution fails; the message names it.
@@ -100,17 +107,23 @@ class PartSearch:
             found = proposer.propose(objective.problem, objective.prepared, state)
             if not isinstance(found, InitialPoses):
                 raise TypeError(f"expected InitialPoses, got {type(found).__name__}")
-        self.add(found)
+        self.add(found, most)
         if isinstance(proposer, PriorSamples) and objective.named and self.along is None:
             count = self.settings.maximized
             self.along = along_ridge(objective, from_prior(objective.problem, objective.prepared, count, self.rng))
 
-    def add(self, found: InitialPoses) -> None:
-        """Refine and maximize initial poses, and merge the maxima with those found before."""
+    def add(self, found: InitialPoses, most: int | None = None) -> None:
+        """Refine and maximize initial poses, and merge the maxima with those found before.
+
+        Args:
+            found: initial poses.
+            most: largest number of refined poses to maximize from; None for the number of the proposer.
+        """
         if not len(found):
             return
         objective, refined = self.objective, found.refined
         keep = found.keep if found.keep is not None else max(len(found), 1)
+        keep = keep if most is None else min(keep, most)
         Ts, sources = objective.refine(np.ascontiguousarray(found.Ts[~refined]), found.sources[~refined], keep)
         rest = objective.maximize(Ts, groups=sources)
         near = objective.maximize(np.ascontiguousarray(found.Ts[refined]), groups=found.sources[refined], fine=True)

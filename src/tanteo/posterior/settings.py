@@ -45,8 +45,9 @@ class SearchSettings:
     """Settings of the proposal and maximization of poses of one part.
 
     Attributes:
-        points: number of points on which proposals are scored and refined; number of pairs of them. Rows touch,
-            bracket_30.
+        points: number of points on which proposals are scored and refined; number of pairs of them; number of refined
+            poses from which a later round maximizes while the points are not explained. Rows touch, bracket_30;
+            ``benchmarks/missed.py``.
         places: number of pairs of surface places for each pair of points. Rows touch, hard_walls.
         kept_per_pair: number of proposals of each pair that are refined. Rows touch, hard_walls.
         maximized: number of proposals maximized in a round, of maxima kept, and of poses along a ridge. Rows touch,
