@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from report_scenes import prism_text
 from tanteo.geometry import SE3, SO3
 from tanteo.io import pose_from_brand
 from tanteo.parts import Surface, signed_distance
@@ -76,6 +77,25 @@ def test_what_is_not_decided_is_not_written(words, run, tmp_path):
     assert guess.code == 3
     assert guess.out.startswith("p[")
     assert "the answer is insufficient; this is its best guess" in guess.err
+
+
+def test_part_and_pose_have_a_probability_each(run, tmp_path):
+    """A cube with one small chamfer is certain; which of its poses is not."""
+    part, readings = tmp_path / "cube.off", tmp_path / "readings.csv"
+    part.write_text(prism_text([(0, 0), (40, 0), (40, 39), (39, 40), (0, 40)], 40))
+    rows = ["x_mm,y_mm,z_mm,dx,dy,dz"]
+    for u, v in ((10, 12), (25, 14), (18, 30)):
+        rows += [f"{u},{v},0,0,0,1", f"{u},{v},40,0,0,-1", f"{u},0,{v},0,1,0", f"0,{u},{v},1,0,0"]
+    readings.write_text("\n".join(rows) + "\n")
+    words = ("locate", readings, "--part", part, "--units", "mm", "--sd", "0.05mm")
+    report = tmp_path / "report.html"
+    got = run(*words, "--as", "ur", "--best-guess", "--report", report)
+    assert "cube has a probability of 9" in got.err
+    assert "in any pose, and" in got.err
+    assert "in one of several poses" in got.err  # twelve, of which five are listed
+    assert "cube in any pose" in report.read_text(encoding="utf-8")
+    frame = run(*words, "--wcs", "ur:base", "--best-guess").out
+    assert re.search(r"part 9\d\.\d%, this pose \d\d?\.\d%", frame)
 
 
 def test_an_unknown_object_has_no_pose_at_all(run):

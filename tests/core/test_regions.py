@@ -1,4 +1,4 @@
-"""Places of touches that are even over one region of the part: the mixture of two designs against its formula."""
+"""Places of touches that are even over the part, a region or some faces: the mixture of designs against its formula."""
 
 from __future__ import annotations
 
@@ -24,27 +24,29 @@ def scene(name, n=9, seed=3):
 
 
 @pytest.mark.parametrize("name", BODIES)
-@pytest.mark.parametrize("times", [1.5, 20.0])
-def test_a_region_has_one_factor_of_its_area(name, times):
+@pytest.mark.parametrize("times", [1.0, 1.5, 20.0])
+def test_three_designs_of_the_places_share_the_prior(name, times):
     q, _, Ts, zs, _ = scene(name)
-    shape = BODIES[name].shape()
-    n, log = len(q.points), np.log(times)
-    even = _core.log_densities(shape, q.core(), Ts, zs)
-    denser = _core.log_densities(shape, replace(q, log_outlier=q.log_outlier - log).core(), Ts, zs)
-    region = denser + n * log - log
-    got = _core.log_densities(shape, q.core(area_of(q, shape, Ts, zs) / times), Ts, zs)
-    np.testing.assert_allclose(got, np.logaddexp(even, region) - np.log(2), rtol=1e-9, atol=1e-9)
+    body, shape = BODIES[name], BODIES[name].shape()
+    areas = 0.5 * np.linalg.norm(body.across, axis=1)
+    even = densities(q, shape, Ts, zs, 1.0)
+    region = densities(q, shape, Ts, zs, times) - np.log(times)
+    table, elements, *_ = _core.details(shape, q.core(), Ts, zs)
+    faces = []
+    for k in range(len(Ts)):
+        touched = np.unique(elements[k][table[k, :, 1] > 0.5])
+        shares = np.array([areas[body.faces == face].sum() for face in touched]) / areas.sum()
+        prior = np.sum(np.log(shares * np.arange(1, len(shares) + 1) / 2))
+        faces.append(prior + densities(q, shape, Ts[k : k + 1], zs[k : k + 1], 1 / shares.sum())[0])
+    got = _core.log_densities(shape, q.core(areas.sum() / times), Ts, zs)
+    expected = np.logaddexp(np.logaddexp(np.log(0.5) + even, np.log(0.25) + region), np.log(0.25) + faces)
+    np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-9)
 
 
-def area_of(q, shape, Ts, zs):
-    """Return the area of a body, found by the size of the region up to which the design changes nothing."""
-    even = _core.log_densities(shape, q.core(), Ts, zs)[0]
-    low, high = 1e-6, 10.0
-    for _ in range(80):
-        middle = np.sqrt(low * high)
-        same = _core.log_densities(shape, q.core(middle), Ts, zs)[0] == even
-        low, high = (low, middle) if same else (middle, high)
-    return high
+def densities(q, shape, Ts, zs, times):
+    """Return the log densities if places are so many times as dense as those even over the part."""
+    log = np.log(times)
+    return _core.log_densities(shape, replace(q, log_outlier=q.log_outlier - log).core(), Ts, zs) + len(q.points) * log
 
 
 @pytest.mark.parametrize("name", BODIES)
@@ -56,7 +58,7 @@ def test_beams_of_known_direction_have_no_region(name):
 
 
 @pytest.mark.parametrize("labelled", [False, True])
-def test_gradients_of_both_designs_equal_differences(labelled):
+def test_gradients_of_all_designs_equal_differences(labelled):
     q, _, Ts, zs, _ = scene("block" if "block" in BODIES else next(iter(BODIES)))
     q = replace(q, groups=(np.arange(len(q.points)) % 3).astype(np.int32)) if labelled else q
     shape = next(iter(BODIES.values())).shape() if "block" not in BODIES else BODIES["block"].shape()

@@ -100,7 +100,7 @@ def details(
     problem: Problem,
     poses: FloatArray,
     shared: FloatArray,
-) -> tuple[FloatArray, Indices, FloatArray, FloatArray, FloatArray, FloatArray, float, FloatArray]: ...
+) -> tuple[FloatArray, Indices, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]: ...
 def propose(
     shape: Shape,
     problem: Problem,

@@ -208,7 +208,8 @@ class Words:
         best = answer.hypotheses[0]
         part = part_named(parts, best.part)
         error = corner_error(best, part)
-        sure = f"{best.probability:.1%}, farthest corner within {1e3 * error:.3g} mm (95 %)"
+        of_part = "".join(f"part {P:.1%}, this pose " for _, P in answer.several_poses[:1])
+        sure = f"{of_part}{best.probability:.1%}, farthest corner within {1e3 * error:.3g} mm (95 %)"
         note = f"{best.part}: {answer.status}, {sure}"
         corners = box_corners(part)
         return io.poses.write_work_frame(
@@ -237,6 +238,8 @@ def _doubts(answer: Answer) -> list[str]:
     best, doubts = answer.hypotheses[0], []
     if answer.status != "recognized":
         doubts.append(f"the answer is {answer.status}; this is its best guess.")
+    for name, P in answer.several_poses[:1]:
+        doubts.append(f"{name} has a probability of {P:.1%} in any pose, and {best.probability:.1%} in this one.")
     if best.spherical:
         doubts.append("the part is a ball: its whole orientation is arbitrary; only its position was measured.")
     elif best.symmetry_axis is not None:

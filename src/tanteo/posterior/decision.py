@@ -167,7 +167,7 @@ def _in_one_region(found: Sequence[GoodnessOfFit]) -> OneRegion | None:
     best = max(possible, key=lambda one: one.mode.prepared.part.area)
     region, part = best.mode.objective.problem.region, best.mode.prepared.part
     points = best.mode.objective.problem.points.points[best.inliers]
-    if len(points) < 2 or not 0 < region.area < 0.5 * part.area or best.at.in_region[0] < 0.5:
+    if len(points) < 2 or not 0 < region.area < 0.5 * part.area or best.at.uneven[0] < 0.5:
         return None
     return OneRegion(float(np.linalg.norm(points[:, None] - points, axis=2).max()), part.diagonal)
 

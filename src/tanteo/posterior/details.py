@@ -32,10 +32,11 @@ class Details:
         normals: outward normal of that face at the point, part frame ``(S, n, 3)``; zero for edges and corners.
         in_part: the point in the part frame ``(S, n, 3)`` [m].
         faces: index of that face ``(S, n)``; below -1 for edges and corners.
-        region_scales: log density of each point over ``log_hit`` if all places are in one region ``(n,)``.
-        region_groups: ``log_groups`` if all places are in one region ``(S, G)``.
-        log_region: log probability of the region, relative to places even over the part.
-        in_region: probability that all places are in one region ``(S,)``; 0 if the region is the part.
+        design_scales: log density of each point over ``log_hit`` for each design of the places: even over the part, over
+            a region if that is not the part, over the touched faces ``(D, S, n)``.
+        design_groups: ``log_groups`` for each design ``(D, S, G)``.
+        log_designs: log of the prior weight of each design ``(D, S)``.
+        designs: probability of each design ``(D, S)``.
     """
 
     log_hit: FloatArray
@@ -53,15 +54,24 @@ class Details:
     normals: Vectors
     in_part: Vectors
     faces: IntArray
-    region_scales: FloatArray
-    region_groups: FloatArray
-    log_region: float
-    in_region: FloatArray
+    design_scales: FloatArray
+    design_groups: FloatArray
+    log_designs: FloatArray
+    designs: FloatArray
 
-    def over_region(self) -> Details:
-        """Return the densities if all places are in one region."""
-        hit, there = self.log_hit + self.region_scales, self.log_there + self.region_scales
-        return replace(self, log_hit=hit, log_there=there, log_groups=self.region_groups)
+    def of_design(self, k: int) -> Details:
+        """Return the densities if the places have one of the designs.
+
+        Args:
+            k: number of the design.
+        """
+        hit, there = self.log_hit + self.design_scales[k], self.log_there + self.design_scales[k]
+        return replace(self, log_hit=hit, log_there=there, log_groups=self.design_groups[k])
+
+    @property
+    def uneven(self) -> FloatArray:
+        """Return the probability that the places are not even over the part ``(S,)``."""
+        return np.asarray(1 - self.designs[0])
 
     @property
     def residuals(self) -> FloatArray:
@@ -72,7 +82,7 @@ class Details:
 def details_at(objective: Objective, Ts: Transforms, zs: FloatArray) -> Details:
     """Evaluate the measurements at poses ``(S, 4, 4)`` and the other states there ``(S, D)``."""
     points = objective.problem.points
-    table, faces, log_points, log_groups, scales, region_groups, log_region, in_region = _core.details(
+    table, faces, log_points, scales, log_groups, log_designs, designs = _core.details(
         objective.prepared.shape, objective.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs)
     )
     outlier = outlier_log_density(points, objective.problem.priors)
@@ -82,11 +92,11 @@ def details_at(objective: Objective, Ts: Transforms, zs: FloatArray) -> Details:
         there = np.log(table[..., 5]) + outlier
     there = np.maximum(there, hit)
     groups = objective.problem.groups
-    of_groups = np.array([outlier[groups == g].sum() for g in range(log_groups.shape[1])])
+    of_groups = np.array([outlier[groups == g].sum() for g in range(log_groups.shape[2])])
     return Details(
         hit, np.broadcast_to(np.logaddexp(outlier, on_furniture), hit.shape), points.places, groups,
-        log_groups + of_groups, objective.problem.label_evidence.log_odds + of_groups, log_points, there,
+        log_groups[0] + of_groups, objective.problem.label_evidence.log_odds + of_groups, log_points, there,
         table[..., 1], table[..., 2], table[..., 3], table[..., 4],
-        table[..., 6:9], table[..., 9:], faces.astype(np.int64), np.log(scales), region_groups + of_groups, log_region,
-        in_region,
+        table[..., 6:9], table[..., 9:], faces.astype(np.int64), np.log(scales), log_groups + of_groups, log_designs,
+        designs,
     )  # fmt: skip

@@ -65,7 +65,7 @@ def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, pr
     """
     if unknown < NOTABLE:
         return None
-    part, at = one.mode.prepared.part, one.at.over_region() if one.at.in_region[0] > 0.5 else one.at
+    part, at = one.mode.prepared.part, one.at.of_design(int(np.argmax(one.at.designs[:, 0])))
     anywhere = log_density_by_surfaces(at, priors.outlier_rate)
     if log_density_of_design(at, part, priors.outlier_rate)[0] < anywhere[0] + np.log(2):
         return None

@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from tanteo.geometry.special import legendre_nodes, log_even, log_sum
+from tanteo.geometry.special import legendre_nodes, log_sum
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
 from tanteo.parts import Part
 from tanteo.posterior.details import Details
@@ -64,8 +64,8 @@ def log_density_of_near_variant(at: Details, part: Part, mean: float) -> FloatAr
         part: the part.
         mean: stated rate of outliers.
     """
-    even, region = (log_density_of_design(one, part, mean) for one in (at, at.over_region()))
-    return even + log_even(at.log_region + region - even)
+    logs = [log + log_density_of_design(at.of_design(k), part, mean) for k, log in enumerate(at.log_designs)]
+    return log_sum(np.stack(logs), axis=0)
 
 
 def log_density_of_design(at: Details, part: Part, mean: float) -> FloatArray:

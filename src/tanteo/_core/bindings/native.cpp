@@ -255,30 +255,31 @@ std::tuple<Out, Out, Out> slopes(const Shape& shape, const Problem& problem, Dou
 // Evaluation of every factor at every pose. A table (S, n, 12): density on the part relative to an outlier, probability that
 // it is no outlier; for its likeliest element: distance, one over its sd, tilt of the direction in sds, density if it were
 // exactly on the element, normal (3); and its position in the part frame (3). Further the elements (S, n), the log density
-// of all factors together (S), and that of each label group on the part (S, G). Densities are even over the part. For the
-// design of a region: the densities of each factor over these (n) (one if it is no other design), the log density of each
-// label group (S, G), the log weight of the design, and its probability (S).
+// of all factors together (S). Densities are even over the part. For each design of the places: the densities of each factor
+// over these (D, S, n), the log density of each label group on the part (D, S, G), the log weight of the design (D, S), and
+// its probability (D, S).
 nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs) {
     const std::vector<State> all = states(Ts, zs, problem);
     const size_t S = all.size(), n = problem.factors.size();
     const size_t G = problem.groups.size();
-    std::vector<double> table(S * n * 12), together(S), groups(S * G), in_region(S), region_groups(S * G), scales(n, 1.0);
+    std::vector<double> table(S * n * 12), together(S);
     std::vector<int32_t> elements(S * n, -1);
-    double log_weight = 0;
+    Likelihood likelihood(shape, problem);
+    const size_t D = likelihood.designs.size();
+    std::vector<double> scales(D * S * n), groups(D * S * G), weights(D * S), probabilities(D * S);
     {
         nb::gil_scoped_release release;
-        Likelihood likelihood(shape, problem);
         for (size_t k = 0; k < S; ++k) {
             likelihood.at(all[k], false);
             together[k] = likelihood.log_points;
-            in_region[k] = likelihood.in_region;
-            Design &even = likelihood.designs.front(), &region = likelihood.designs.back();
-            for (size_t g = 0; g < G; ++g) {
-                groups[k * G + g] = likelihood.log_on_part(even, g);
-                region_groups[k * G + g] = likelihood.log_on_part(region, g);
+            for (size_t i = 0; i < D; ++i) {
+                const size_t at = i * S + k;
+                weights[at] = likelihood.designs[i].log_weight;
+                probabilities[at] = likelihood.designs[i].probability;
+                Design& design = likelihood.designs[weights[at] > -1e300 ? i : 0];
+                for (size_t g = 0; g < G; ++g) groups[at * G + g] = likelihood.log_on_part(design, g);
+                for (size_t j = 0; j < n; ++j) scales[at * n + j] = design.scale_of(*problem.factors[j]);
             }
-            for (size_t j = 0; j < n; ++j) scales[j] = region.scale_of(*problem.factors[j]);
-            log_weight = region.log_weight;
             for (size_t j = 0; j < n; ++j) {
                 const Evaluated& own = likelihood.evaluated[j];
                 double* row = &table[(k * n + j) * 12];
@@ -309,8 +310,9 @@ nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Double
         }
     }
     return nb::make_tuple(array_of(std::move(table), {S, n, 12}), array_of(std::move(elements), {S, n}),
-                          list_of(std::move(together)), array_of(std::move(groups), {S, G}), list_of(std::move(scales)),
-                          array_of(std::move(region_groups), {S, G}), log_weight, list_of(std::move(in_region)));
+                          list_of(std::move(together)), array_of(std::move(scales), {D, S, n}),
+                          array_of(std::move(groups), {D, S, G}), array_of(std::move(weights), {D, S}),
+                          array_of(std::move(probabilities), {D, S}));
 }
 
 std::tuple<Out, Out> proposed(const Shape& shape, const Problem& problem, Ints rows, Ints pairs, int per_pair, int spins,

@@ -71,39 +71,80 @@ void Likelihood::evaluate(const State& state, int j, bool with_slope) {
     }
 }
 
-// Two designs of the places are possible, with equal prior probability: even over the part, or even over a region. The
-// centre of the region is even over the part, so that a density per area is 1 / a and the region has the probability
-// a / A: one factor 1 / A for all measurements instead of one for each (docs/math.md, section 15).
+// Three designs of the places are possible. With prior probability 1/2 they are even over the part, with 1/4 over a region
+// and with 1/4 over the touched faces. The centre of a region is even over the part, so that a density per area is 1 / a and
+// the region has the probability a / A: one factor 1 / A for all measurements instead of one for each (docs/math.md,
+// section 15).
 Likelihood::Likelihood(const Shape& shape, const Problem& problem) : shape(shape), problem(problem), designs(1) {
     const Region& patch = problem.region;
-    Design region;
     bool on_faces = false, on_edges = false;
     for (const auto& factor : problem.factors) {
         on_faces = on_faces || (factor->codimension() == 1 && !factor->aimed());
         on_edges = on_edges || (factor->codimension() == 2 && factor->on_surface() && !factor->aimed());
     }
-    if (on_faces && patch.area > 0) region.on_face = std::max(1.0, shape.area / patch.area);
-    if (on_edges && patch.length > 0) region.on_edge = std::max(1.0, shape.edge_length / patch.length);
-    region.log_weight = -std::log(on_faces ? region.on_face : region.on_edge);
-    if (region.on_face > 1 || region.on_edge > 1) designs.push_back(region);
+    if ((on_faces && patch.area > 0) || (on_edges && patch.length > 0)) {
+        Design region, faces;
+        if (on_faces && patch.area > 0) region.on_face = std::max(1.0, shape.area / patch.area);
+        if (on_edges && patch.length > 0) region.on_edge = std::max(1.0, shape.edge_length / patch.length);
+        region.log_weight = std::log(0.25) - std::log(on_faces ? region.on_face : region.on_edge);
+        region.patch = true;
+        const bool differs = region.on_face > 1 || region.on_edge > 1;
+        designs[0].log_weight = std::log(differs ? 0.5 : 0.75);
+        if (differs) designs.push_back(region);
+        designs.push_back(faces);
+    }
     for (Design& design : designs) design.labels.resize(problem.groups.size());
 }
 
-// Joint log density of all factors: the mixture over the designs. Sets the responsibility of each component.
+// The design that is even over the touched faces and edges: those on which the measurements without a direction are
+// inliers. Call after combine(designs[0]). m faces are touched with probability 2^-m, each chosen by its area.
+void Likelihood::find_touched(Design& design) {
+    design.on_face = design.on_edge = 1;
+    design.log_weight = std::log(0.25);
+    for (const int across : {1, 2}) {
+        touched.clear();
+        for (size_t j = 0; j < evaluated.size(); ++j) {
+            const Factor& factor = *problem.factors[j];
+            const Evaluated& own = evaluated[j];
+            if (factor.codimension() != across || factor.aimed() || !factor.on_surface() || !own.count || designs[0].inlier[j] < 0.5) continue;
+            const Component* const first = &components.all[own.first];
+            const int element = std::max_element(first, first + own.count, [](const Component& a, const Component& b) {
+                                    return a.weight < b.weight;
+                                })->element;
+            if (element == -1) design.log_weight = -1e300;  // several faces at once
+            else if (std::find(touched.begin(), touched.end(), element) == touched.end()) touched.push_back(element);
+        }
+        double share = 0;
+        for (size_t k = 0; k < touched.size(); ++k) {
+            const double own = shape.measure_of(touched[k]);
+            share += own;
+            design.log_weight += std::log(own * (k + 1) / 2);
+        }
+        if (share > 0) (across == 1 ? design.on_face : design.on_edge) = 1 / share;
+    }
+}
+
+// Joint log density of all factors: the mixture over the designs. Sets the responsibility of each component. While noise
+// is blurred, touched faces are not known.
 double Likelihood::combine() {
-    const double even = combine(designs[0], responsibility);
-    in_region = 0;
-    if (designs.size() == 1) return even;
-    inlier.resize(evaluated.size());
-    for (size_t j = 0; j < evaluated.size(); ++j) inlier[j] = evaluated[j].inlier;
-    const double region = designs[1].log_weight + combine(designs[1], other_responsibility);
-    const double top = std::max(even, region), sum = std::exp(even - top) + std::exp(region - top);
-    in_region = std::exp(region - top) / sum;
-    for (size_t k = 0; k < responsibility.size(); ++k)
-        responsibility[k] += in_region * (other_responsibility[k] - responsibility[k]);
-    for (size_t j = 0; j < evaluated.size(); ++j)
-        evaluated[j].inlier = inlier[j] + in_region * (evaluated[j].inlier - inlier[j]);
-    return top + std::log(0.5 * sum);
+    const size_t count = designs.size() - (designs.size() > 1 && blur > 0);
+    double top = -1e300, sum = 0;
+    for (size_t k = 0; k < designs.size(); ++k) {
+        Design& design = designs[k];
+        if (k > 0 && k + 1 == count && count == designs.size()) find_touched(design);
+        design.probability = k < count && design.log_weight > -1e300 ? design.log_weight + combine(design) : -1e300;
+        top = std::max(top, design.probability);
+    }
+    for (Design& design : designs) sum += design.probability = std::exp(design.probability - top);
+    responsibility.assign(components.size(), 0.0);
+    for (Evaluated& own : evaluated) own.inlier = 0;
+    for (Design& design : designs) {
+        design.probability /= sum;
+        if (!(design.probability > 0)) continue;
+        for (size_t k = 0; k < responsibility.size(); ++k) responsibility[k] += design.probability * design.responsibility[k];
+        for (size_t j = 0; j < evaluated.size(); ++j) evaluated[j].inlier += design.probability * design.inlier[j];
+    }
+    return top + std::log(sum);
 }
 
 // Weight of a component under one of two models of the device.
@@ -115,7 +156,8 @@ static double in_model(const Component& c, int model) {
 // density of each label group. The models of a device are nodes, too.
 // Sets the responsibility of each component. Labels are ignored while noise is blurred: a
 // label must not exclude an adjacent face before the maximization has converged.
-double Likelihood::combine(Design& design, std::vector<double>& out) {
+double Likelihood::combine(Design& design) {
+    std::vector<double>& out = design.responsibility;
     const bool labelled = blur == 0;
     const size_t groups = labelled ? problem.groups.size() : 0;
     const int n = static_cast<int>(problem.factors.size()), nodes = static_cast<int>(problem.rates.size());
@@ -180,6 +222,8 @@ double Likelihood::combine(Design& design, std::vector<double>& out) {
         weigh_elements(design, g);
         weigh_components(design, g, out);
     }
+    design.inlier.resize(evaluated.size());
+    for (size_t j = 0; j < evaluated.size(); ++j) design.inlier[j] = evaluated[j].inlier;
     return base + top + std::log(sum);
 }
 
@@ -211,7 +255,7 @@ void Likelihood::find_elements(Design& design, size_t g) {
     }
     for (const int element : group.elements) {
         double share = shape.measure_of(element);
-        if (scale > 1) share = std::min(share, problem.region.groups[g] / whole);
+        if (design.patch && scale > 1) share = std::min(share, problem.region.groups[g] / whole);
         group.log_prior.push_back(element >= 0 && !by_area ? 0.0 : std::log(share * scale));
         group.factor.push_back(1 / share);  // ratio of the density on this element to that on all elements
     }

@@ -24,11 +24,14 @@ struct LabelGroup {
     std::vector<double> log_prior, factor, on_element, logs, weights;
 };
 
-// One way in which the places of all measurements were chosen: evenly over the part, or evenly over one region of it.
-// A density per area (or length) is that over the part times on_face (or on_edge).
+// One way in which the places of all measurements were chosen: evenly over the part, over one region of it, or over the
+// faces that were touched. A density per area (or length) is that over the part times on_face (or on_edge).
 struct Design {
     double on_face = 1, on_edge = 1, log_weight = 0;
+    bool patch = false;      // whether only the patch of a label group counts of an element
+    double probability = 0;  // at the state
     std::vector<LabelGroup> labels;
+    std::vector<double> responsibility, inlier;  // of each component and of each factor
 
     double scale_of(const Factor& factor) const {
         const int across = factor.codimension();
@@ -57,9 +60,8 @@ class Likelihood {
     std::vector<Evaluated> evaluated;
     Components components;
 
-    // the designs, the first of them even over the part; the second is absent if it equals the first
+    // the designs: even over the part; even over a region, unless that is the part; even over the touched faces, last
     std::vector<Design> designs;
-    double in_region = 0;  // probability of the second design at the state
 
     // log density of a label group if its element is on the part, relative to outliers; call after at()
     double log_on_part(Design& design, size_t g) { return log_group(design, g, false); }
@@ -67,13 +69,15 @@ class Likelihood {
   private:
     const Shape& shape;
     const Problem& problem;
-    std::vector<double> node_log, of_model, responsibility, other_responsibility, inlier;
+    std::vector<double> node_log, of_model, responsibility;
+    std::vector<int> touched;  // elements that measurements without a direction touch
     std::vector<int> order;  // components of a factor by element
 
     bool is_excluded(int j) const { return blur > 0 && !coarse.empty() && !coarse[j]; }
     void evaluate(const State& state, int j, bool with_slope);
     double combine();
-    double combine(Design& design, std::vector<double>& out);
+    double combine(Design& design);
+    void find_touched(Design& design);
     void find_elements(Design& design, size_t g);
     double log_group(Design& design, size_t g, bool anywhere = true);
     double labelled_density(const Design& design, size_t g, size_t r, size_t e, int row) const;

@@ -200,7 +200,7 @@ def _object(seen: Sighting, frame: str) -> dict[str, Any]:
     from tanteo.vision import DESCRIPTOR_NAMES
 
     answer = recognition_document(seen.answer, frame)
-    kept = {key: answer[key] for key in ("status", "message", "hypotheses", "unknown_probability")}
+    kept = {key: answer[key] for key in ("status", "message", "hypotheses", "parts", "unknown_probability")}
     region = None
     outline = seen.outline
     if seen.region is not None:

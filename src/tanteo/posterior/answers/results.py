@@ -9,6 +9,7 @@ from typing import Literal
 
 from tanteo.defaults import SIGNIFICANCE
 from tanteo.fitting.localization import SharedGiven
+from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.values import Value, html_table
 from tanteo.words import Finding, Motion, message_of, percent
@@ -139,6 +140,13 @@ class Answer(Value):
     def best(self) -> Hypothesis | None:
         """Return the most probable hypothesis; None if there is none. :attr:`status` rates it."""
         return self.hypotheses[0] if self.hypotheses else None
+
+    @property
+    def several_poses(self) -> tuple[tuple[str, float], ...]:
+        """Return the probabilities of probable parts in any pose; empty if the best pose has nearly all of its part's."""
+        if not self.parts or not self.hypotheses or self.parts[0][1] - self.hypotheses[0].probability <= NOTABLE:
+            return ()
+        return tuple((name, P) for name, P in self.parts if P > NOTABLE)
 
     def rejects(self, hypothesis: Hypothesis) -> bool:
         """Return whether the joint test rejects a hypothesis at the answer's significance level."""

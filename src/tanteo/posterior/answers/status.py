@@ -152,5 +152,7 @@ def _ambiguous(
         return SeveralParts(tuple(names[:kept]), len(names) - kept, equal, mirror)
     if unknown > _LISTED and best.probability + unknown > 1 - _LISTED:
         return MayBeUnknown(best.part, unknown)
-    poses = sum(h.probability > _LISTED for h in hypotheses)
-    return SeveralPoses(best.part, sum(P for name, P in shares if name == best.part), poses=poses if poses > 1 else 0)
+    of_part = sum(P for name, P in shares if name == best.part)
+    listed = [h.probability for h in hypotheses if h.part == best.part and h.probability > _LISTED]
+    is_complete = len(listed) > 1 and of_part - sum(listed) < _LISTED
+    return SeveralPoses(best.part, of_part, poses=len(listed) if is_complete else 0)

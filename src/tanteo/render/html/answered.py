@@ -145,6 +145,7 @@ def _hypotheses(answer: Answer) -> Html:
     for k, h in enumerate(answer.hypotheses):
         again = f", pose {names[: k + 1].count(h.part)}" if names.count(h.part) > 1 else ""
         rows.append(switch_row(k if several else None, h.part + again, percent(h.probability), bar(h.probability)))
+    rows += [_plain_row(f"{name} in any pose", P) for name, P in answer.several_poses]
     rest = 1 - answer.unknown_probability - sum(h.probability for h in answer.hypotheses)
     if rest > 0.0005:
         rows.append(_plain_row("others, not shown", rest))

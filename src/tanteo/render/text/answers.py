@@ -85,9 +85,7 @@ def _headline(answer: Answer, frame: str) -> str:
 
 def _parts(answer: Answer) -> list[str]:
     """Return the probability of the best part over all of its poses, if it is more than that of the best pose."""
-    if not answer.parts or answer.parts[0][1] - answer.hypotheses[0].probability <= NOTABLE:
-        return []
-    return [f"{printable(name)} in any pose: {percent(P)}." for name, P in answer.parts[:_MOST_PARTS] if P > NOTABLE]
+    return [f"{printable(name)} in any pose: {percent(P)}." for name, P in answer.several_poses[:_MOST_PARTS]]
 
 
 def _details(best: Hypothesis, *, verbose: bool) -> list[str]:
