@@ -38,7 +38,7 @@ from tanteo.sensors import (
 )
 from tanteo.sensors.anomalies import without_repeats
 from tanteo.sensors.error_states import ErrorState, Offset, made_surface
-from tanteo.sensors.presets import RobotPreset, SensorPreset
+from tanteo.sensors.presets import RobotPreset, SensorPreset, sensor_outlier_rate
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
     AssumedTip,
@@ -393,8 +393,13 @@ def _with_noise_factor(
     sd: float | None,
     unstated: float | None,
 ) -> Priors:
-    """Return the priors with the prior of the noise factor, by the origin of the noise, unless it is given."""
-    priors = priors or Priors()
+    """Return the priors with the prior of the noise factor, by the origin of the noise, unless it is given.
+
+    Without priors, the rate of outliers is that of the sensor.
+    """
+    if priors is None:
+        rate = sensor_outlier_rate(sensor)
+        priors = Priors() if rate is None else Priors(outlier_rate=rate)
     if priors.noise_factor is not None:
         return priors
     if unstated is not None:

@@ -35,6 +35,24 @@ def test_more_outliers_than_expected_are_no_answer(run, touches):
     assert "bracket_left at x " in out
 
 
+def test_a_preset_of_the_sensor_has_its_rate_of_outliers(run, tmp_path):
+    """Options that state no rate take that of the sensor; a stated rate replaces it."""
+    part, rng = tanteo.read_part(BRACKET), np.random.default_rng(3)
+    p = 1e3 * surface_points(Surface(part.vertices, part.triangles), 14, rng)[0]
+    path = tmp_path / "touches.csv"
+    path.write_text("x_mm,y_mm,z_mm,sd_mm\n" + "".join("{:.3f},{:.3f},{:.3f},0.1\n".format(*x) for x in p))
+
+    def unknown(*words):
+        found = run("locate", path, "--part", BRACKET, "--json", "--bias-sd", "0.001mm", *words)
+        return json.loads(found.out)["unknown_probability"]
+
+    trigger, rare, often = ("--sensor", "touch_trigger_cnc"), ("--outlier-rate", "0.1%"), ("--outlier-rate", "30%")
+    assert unknown(*trigger) == pytest.approx(unknown(*rare), rel=0.01)
+    assert unknown(*trigger, *often) == pytest.approx(unknown(*often), rel=0.01)
+    assert unknown(*rare) < 0.95 * unknown()
+    assert "outliers   0.1 %" in run("sensor", "show", "touch_trigger_cnc").out
+
+
 def test_the_unknown_object_has_its_stated_prior(run, tmp_path):
     """Eight touches, all on the part, that leave most of it unseen."""
     part = tanteo.read_part(BRACKET)

@@ -99,9 +99,12 @@ class Evidence:
             known: prior knowledge of the pose.
             outline: outline of the object in an image.
         """
+        from tanteo.sensors.presets import sensor_outlier_rate  # slow to import
+
         furniture = tuple(io.poses.read_furniture(text, self.units, "--furniture") for text in self.furniture or ())
+        rate = self.outlier_rate if self.outlier_rate is not None else sensor_outlier_rate(self.sensor)
         stated: dict[str, Any] = {
-            "pose": known, "outlier_rate": self.outlier_rate, "unknown": self.unknown_prior,
+            "pose": known, "outlier_rate": rate, "unknown": self.unknown_prior,
             "noise_factor": self.noise_factor, "furniture": furniture or None, "whole": self._whole(outline),
         }  # fmt: skip
         stated = {name: value for name, value in stated.items() if value is not None}

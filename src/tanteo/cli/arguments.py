@@ -162,7 +162,7 @@ PosePriorAt = Annotated[
 PriorPath = Annotated[str | None, _prior("--prior", "FILE", "Table, box and pose prior from a file (TOML).")]
 OutlierRate = Annotated[
     float | None,
-    _prior("--outlier-rate", "SHARE", "Expected outlier fraction, as 10%; 1% if not given."),
+    _prior("--outlier-rate", "SHARE", "Expected outlier fraction, as 10%; if not given, that of --sensor, else 1%."),
     Words(partial(typed.share, "--outlier-rate", 0.5, "one half")),
 ]
 UnknownPrior = Annotated[

@@ -153,6 +153,8 @@ class SensorPreset:
         response: what the device reports of its cone, one of :data:`RESPONSES`; empty if unknown.
         check: verified and assumed figures, see the module.
         source: source of the figures.
+        outlier_rate: probability that a reading is not on the part; NaN for that of :class:`tanteo.Priors`. Assumed:
+            0.001 for a trigger probe, 0.02 for time of flight, which mixes surfaces at edges.
 
     Example:
         >>> from tanteo.sensors.presets import SensorPreset
@@ -179,6 +181,7 @@ class SensorPreset:
     response: str = ""
     check: str = "A: all"
     source: str = ""
+    outlier_rate: float = math.nan
 
     def __post_init__(self) -> None:
         check_response(self.name, self.response)
@@ -256,6 +259,22 @@ def sensor_preset(name: str) -> SensorPreset:
         'keyence_il300'
     """
     return _preset_named("sensor", name, sensor_presets())
+
+
+def sensor_outlier_rate(sensor: SensorPreset | str | None) -> float | None:
+    """Return the outlier rate of a sensor; None without a sensor, or if its preset states none.
+
+    Args:
+        sensor: preset or its name.
+
+    Example:
+        >>> tanteo.sensors.presets.sensor_outlier_rate("touch_trigger_cnc")
+        0.001
+    """
+    if sensor is None:
+        return None
+    rate = (sensor_preset(sensor) if isinstance(sensor, str) else sensor).outlier_rate
+    return None if math.isnan(rate) else rate
 
 
 def robot_preset(name: str) -> RobotPreset:
