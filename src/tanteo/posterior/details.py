@@ -32,8 +32,8 @@ class Details:
         normals: outward normal of that face at the point, part frame ``(S, n, 3)``; zero for edges and corners.
         in_part: the point in the part frame ``(S, n, 3)`` [m].
         faces: index of that face ``(S, n)``; below -1 for edges and corners.
-        design_scales: log density of each point over ``log_hit`` for each design of the places: even over the part, over
-            a region if that is not the part, over the touched faces ``(D, S, n)``.
+        design_scales: log density of each point over ``log_hit`` for each design of the places: even over the part,
+            over a region if that is not the part, over the touched faces ``(D, S, n)``.
         design_groups: ``log_groups`` for each design ``(D, S, G)``.
         log_designs: log of the prior weight of each design ``(D, S)``.
         designs: probability of each design ``(D, S)``.

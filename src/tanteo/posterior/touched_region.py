@@ -1,10 +1,10 @@
 """The region that measurements without a direction touch, which may be a small part of the surface.
 
-A person touches where the hand can reach. Half of the prior belongs to places that are even over the part, each with the
-density 1 / A. A quarter belongs to places that are even over one region of area a: each has the density 1 / a, and the
-region the probability a / A. The region has the size of the touched patch, for every part. A quarter belongs to places
-that are even over the touched faces, whose area the core finds at each pose. Beams of known direction have no density
-per area, so that the design does not change them.
+A person touches where the hand can reach. Half of the prior belongs to places that are even over the part, each with
+the density 1 / A. A quarter belongs to places that are even over one region of area a: each has the density 1 / a, and
+the region the probability a / A. The region has the size of the touched patch, for every part. A quarter belongs to
+places that are even over the touched faces, whose area the core finds at each pose. Beams of known direction have no
+density per area, so that the design does not change them.
 """
 
 from __future__ import annotations

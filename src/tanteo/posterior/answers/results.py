@@ -143,7 +143,7 @@ class Answer(Value):
 
     @property
     def several_poses(self) -> tuple[tuple[str, float], ...]:
-        """Return the probabilities of probable parts in any pose; empty if the best pose has nearly all of its part's."""
+        """Return the probabilities of probable parts in any pose; empty if the best pose has nearly all of it."""
         if not self.parts or not self.hypotheses or self.parts[0][1] - self.hypotheses[0].probability <= NOTABLE:
             return ()
         return tuple((name, P) for name, P in self.parts if P > NOTABLE)

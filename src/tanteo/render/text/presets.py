@@ -65,7 +65,7 @@ def sensor_lines(preset: SensorPreset, *, layout: Layout = PLAIN) -> list[str]:
         f"  incidence  up to {math.degrees(preset.max_incidence):.3g} deg",
         f"  unit       bias {_mm(preset.bias_std)} mm, scale {100 * preset.bias_prop_std:.3g} %: constant for a device",
         f"  rate       {preset.rate_hz:g} readings a second",
-        *([f"  outliers   {100 * preset.outlier_rate:g} % of the readings, assumed"] if preset.outlier_rate > 0 else []),
+        *([f"  outliers   {100 * preset.outlier_rate:g} % of readings, assumed"] if preset.outlier_rate > 0 else []),
         f"  verified   {preset.check}",
         f"             ({_KEY})",
         f"  source     {preset.source}",
