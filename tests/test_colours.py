@@ -23,6 +23,7 @@ SEEN = {
     "tritanopia": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.3039]],
 }
 MARKS = ("good", "bad", "overlay", "free", "edge", "feature")
+FILLS = ("part", "differs")
 LIVE = {
     name: colors.css(getattr(colors, name))
     for name in ("GOOD", "BAD", "OVERLAY", "FREE", "EDGE", "INK", "PLANNER", "FEATURE")
@@ -64,6 +65,8 @@ def apart(one, other, eyes):
 PALETTES = {
     "report by day": {name: LIGHT[name] for name in MARKS},
     "report by night": {name: DARK[name] for name in MARKS},
+    "faces by day": {name: LIGHT[name] for name in FILLS},
+    "faces by night": {name: DARK[name] for name in FILLS},
     "live page": LIVE,
     "picture of an image": SEEN_IMAGE,
     "pictures of sensors": {hue: hue for hue in pictures.COLORS},

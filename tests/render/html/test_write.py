@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 from dataclasses import replace
@@ -11,14 +12,14 @@ import pytest
 
 from report_scenes import SD, ball, touches
 from tanteo.errors import InputError
-from tanteo.geometry import UncertainFrame
+from tanteo.geometry import SE3, UncertainFrame
 from tanteo.io import write_pose
 from tanteo.posterior import Answer
 from tanteo.recognition import identify, locate
 from tanteo.render.html import Run, Section, element, gather, headline, report_page, write_report
 from tanteo.sensors import Readings
 from tanteo.words import details_of, p_equals, percent
-from tanteo.words.findings import AccuracyNeeded, CloseTogether, Located, NothingSensed, SeveralPoses
+from tanteo.words.findings import AccuracyNeeded, CloseTogether, Located, NextTouch, NothingSensed, SeveralPoses
 
 MOST_BYTES = 6_000_000
 
@@ -95,6 +96,27 @@ def test_several_hypotheses_have_one_body_each(wedge, near_wedge):
     assert page.count('name="hypothesis"') == len(answer.hypotheses)
     assert page.count("All readings as a table") == len(answer.hypotheses)
     assert len(scene_of(page)["hypotheses"]) == len(answer.hypotheses)
+
+
+def test_faces_that_differ_and_the_next_touch_are_drawn(run, wedge):
+    readings, answer = run
+    T = answer.best.T_world_part @ SE3.from_parts(np.eye(3), np.array([0.02, 0.0, 0.0]))
+    poses = replace(answer.best, probability=0.6), replace(answer.best, probability=0.35, T_world_part=T)
+    touch = NextTouch("wedge", "face 0", (0.4, -0.1, 0.3), (0.4, -0.1, 0.25), (0.0, 0.0, -1.0), 0.5, ())
+    undecided = replace(answer, status="ambiguous", hypotheses=poses).adding(touch)
+    page = report_page(undecided, gather(readings), [wedge], Run("tanteo locate"))
+    scene = scene_of(page)
+    along_x = np.abs(wedge.planes.normals[:, 0]) > 0.1  # the others still overlap
+    faces = wedge.planes.faces[along_x]
+    for one in scene["hypotheses"]:
+        drawn = np.frombuffer(base64.b64decode(one["differs"]), "<u4").reshape(-1, 3)
+        assert np.array_equal(drawn, wedge.triangles[np.isin(wedge.triangle_face, faces)])
+    ends = [np.frombuffer(base64.b64decode(scene["next"][name]), "<f4") for name in ("start", "point")]
+    assert np.allclose(ends + np.array(scene["centre_mm"]), 1e3 * np.array([touch.start, touch.point]), atol=1e-3)
+    assert "face where wedge, pose 2 has none" in page
+    decided = scene_of(report_page(answer, gather(readings), [wedge], Run("tanteo locate")))
+    assert "next" not in decided
+    assert not any("differs" in one for one in decided["hypotheses"])
 
 
 def test_without_a_hypothesis_it_shows_the_readings(run, wedge):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from tanteo.posterior import Answer
 from tanteo.render.html.charts import bar
 from tanteo.render.html.contacts import Sensed
+from tanteo.render.html.distinctive import Distinction
 from tanteo.render.html.page import Front, Html, element, fact_list, join, switched
 from tanteo.render.html.scene import Candidate, distance_enlarged
 from tanteo.render.html.shapes import Shapes
@@ -111,7 +112,12 @@ _NAMED = 15
 
 
 def answer_front(
-    answer: Answer, candidates: Sequence[Candidate], sensed: Sensed, more: Sequence[tuple[str, str]], shapes: Shapes
+    answer: Answer,
+    candidates: Sequence[Candidate],
+    sensed: Sensed,
+    more: Sequence[tuple[str, str]],
+    shapes: Shapes,
+    distinction: Distinction,
 ) -> Front:
     """Return the top of the report of an answer.
 
@@ -121,6 +127,7 @@ def answer_front(
         sensed: readings of the answer.
         more: further facts, as name and value.
         shapes: features of labelled readings.
+        distinction: what distinguishes the hypotheses.
     """
     lists = [fact_list([*facts(c.hypothesis, c.part, sensed, answer.significance), *more]) for c in candidates] or [
         fact_list(more)
@@ -130,7 +137,7 @@ def answer_front(
         f"{SIGNS[answer.status]} {answer.status}",
         answer.status,
         details_of(answer.findings),
-        _picture(candidates, sensed, shapes),
+        _picture(answer, candidates, sensed, shapes, distinction),
         join([_hypotheses(answer), switched(lists, "dl")]),
     )
 
@@ -140,11 +147,9 @@ def _hypotheses(answer: Answer) -> Html:
     if answer.status == "insufficient" and not answer.hypotheses:
         return element("p", "With so few readings any part is possible, so no probabilities are given.", class_="note")
     several = len(answer.hypotheses) > 1
-    names = [h.part for h in answer.hypotheses]
     rows = []
-    for k, h in enumerate(answer.hypotheses):
-        again = f", pose {names[: k + 1].count(h.part)}" if names.count(h.part) > 1 else ""
-        rows.append(switch_row(k if several else None, h.part + again, percent(h.probability), bar(h.probability)))
+    for k, (name, h) in enumerate(zip(_names(answer), answer.hypotheses, strict=True)):
+        rows.append(switch_row(k if several else None, name, percent(h.probability), bar(h.probability)))
     rows += [_plain_row(f"{name} in any pose", P) for name, P in answer.several_poses]
     rest = 1 - answer.unknown_probability - sum(h.probability for h in answer.hypotheses)
     if rest > 0.0005:
@@ -153,6 +158,14 @@ def _hypotheses(answer: Answer) -> Html:
     heading = element("h2", "What it may be")
     note = [element("p", "Choose one to show it everywhere on this page.", class_="note")] if several else []
     return element("div", heading, *note, element("div", *rows, class_="bars"))
+
+
+def _names(answer: Answer) -> list[str]:
+    """Return the name of each hypothesis: its part, and the number of the pose if there are several."""
+    names = [h.part for h in answer.hypotheses]
+    return [
+        f"{name}, pose {names[: k + 1].count(name)}" if names.count(name) > 1 else name for k, name in enumerate(names)
+    ]
 
 
 def switch_row(k: int | None, name: str, value: str, drawn: Html) -> Html:
@@ -174,12 +187,16 @@ def _plain_row(words: str, p: float) -> Html:
     return element("div", name, value, bar(p, "none"))
 
 
-def _picture(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shapes) -> Html:
+def _picture(
+    answer: Answer, candidates: Sequence[Candidate], sensed: Sensed, shapes: Shapes, distinction: Distinction
+) -> Html:
     layers = [Layer("readings", "readings"), Layer("beams", "beams")]
     if candidates:
         layers.append(Layer("sticks", "distances"))
     if shapes:
         layers.append(Layer("features", "features", shown=not shapes.flat))
+    if distinction.touch is not None:
+        layers.append(Layer("next", "next touch"))
     layers.append(Layer("names", "names", shown=len(sensed.measured) <= _NAMED))
     wrong = any(not c.contacts.used.all() for c in candidates)
     legend = [("dot", "reading that fits" if candidates else "reading")]
@@ -188,7 +205,12 @@ def _picture(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shapes) ->
     legend += [("free", "beam that hit nothing")] if len(sensed.measured.free) else []
     if shapes:
         legend += [("feature", f"feature of labelled readings, and off by 2 sd{times(shapes.enlarged)}")]
-    return picture(layers, [c.ways for c in candidates], legend, [_scaled(c) for c in candidates])
+    legend += [("next", "next touch, to its expected place")] if distinction.touch is not None else []
+    scaled = [_scaled(c) for c in candidates]
+    for k, faces in enumerate(distinction.faces):
+        if len(faces):
+            scaled[k].append(("differs", f"face where {_names(answer)[0 if k else 1]} has none"))
+    return picture(layers, [c.ways for c in candidates], legend, scaled)
 
 
 def _scaled(candidate: Candidate) -> list[tuple[str, str]]:

@@ -92,6 +92,10 @@ class Picture {
     this.starts = unpack(data.readings.starts, Float32Array);
     this.beams = this.lineBuffers(interleave(this.starts, this.points));
     if (data.arrows) this.heads = this.meshBuffers(...cones(this.starts, this.points, 0.04 * data.size_mm));
+    if (data.next) {
+      const [start, point] = ["start", "point"].map((end) => unpack(data.next[end], Float32Array));
+      this.next = { start, point, line: this.lineBuffers(interleave(start, point)), head: this.meshBuffers(...cones(start, point, 0.06 * data.size_mm)) };
+    }
     this.free = this.lineBuffers(unpack(data.free, Float32Array));
     if (data.features) {
       this.features = this.lineBuffers(unpack(data.features.lines, Float32Array));
@@ -101,6 +105,7 @@ class Picture {
     this.radiusBuffer = buffer(gl, unpack(data.readings.radii, Float32Array));
     this.poses = data.hypotheses.map((h) => ({
       sticks: this.lineBuffers(unpack(h.sticks, Float32Array)), sorts: buffer(gl, new Float32Array(h.wrong)),
+      differs: h.differs && this.facesOf(this.parts[h.part], unpack(h.differs, Uint32Array)),
     }));
     this.nothingWrong = buffer(gl, new Float32Array(this.points.length / 3));
     this.look("reset");
@@ -118,13 +123,19 @@ class Picture {
     return { places: buffer(gl, places), triangles: buffer(gl, triangles, gl.ELEMENT_ARRAY_BUFFER), count: triangles.length };
   }
 
+  /* Some triangles of a part. */
+  facesOf(part, triangles) {
+    const { gl } = this;
+    return { places: part.places, triangles: buffer(gl, triangles, gl.ELEMENT_ARRAY_BUFFER), count: triangles.length };
+  }
+
   lineBuffers(ends) { return { ends: buffer(this.gl, ends), count: ends.length / 6 }; }
 
   look(name) {
     const [turn, tilt] = (name === "reset" && this.data.look) || VIEWS[name];
     const scale = this.data.size_mm * Math.max(1.18 / (this.canvas.clientWidth || 400), 0.98 / (this.canvas.clientHeight || 400));
     this.eye = { turn, tilt, scale, middle: [0, 0, 0] };
-    this.fit(unpack(this.data.seen, Float32Array));
+    this.fit(new Float32Array([...unpack(this.data.seen, Float32Array), ...(this.next ? [...this.next.start, ...this.next.point] : [])]));
     this.redraw();
   }
 
@@ -180,7 +191,7 @@ class Picture {
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     this.view = this.viewMatrix(); this.dpr = dpr;
     const now = this.data.hypotheses[this.chosen];
-    if (now) this.drawPart(this.parts[now.part], new Float32Array(now.pose));
+    if (now) this.drawPart(this.parts[now.part], new Float32Array(now.pose), this.poses[this.chosen]?.differs);
     if (this.heads && this.layers.readings) {
       this.hiddenToo((faint) => {
         this.drawLines(this.beams, IDENTITY, this.colour("good", faint ? 0.25 : 1), 2.4);
@@ -190,6 +201,12 @@ class Picture {
     if (this.layers.beams) {
       this.hiddenToo((faint) => this.drawLines(this.beams, IDENTITY, this.colour("beam", faint ? 0.2 : 0.85), 1.3));
       this.hiddenToo((faint) => this.drawLines(this.free, IDENTITY, this.colour("free", faint ? 0.2 : 0.9), 1.3, 6));
+    }
+    if (this.next && this.layers.next) {
+      this.hiddenToo((faint) => {
+        this.drawLines(this.next.line, IDENTITY, this.colour("next", faint ? 0.35 : 1), 3);
+        this.drawMesh(this.next.head, IDENTITY, this.colour("next", faint ? 0.35 : 1));
+      });
     }
     if (now && this.layers.sticks) {
       this.hiddenToo((faint) => this.drawLines(this.poses[this.chosen].sticks, IDENTITY, this.colour("stick", faint ? 0.25 : 1), 3.2));
@@ -213,10 +230,11 @@ class Picture {
     return image;
   }
 
-  drawPart(part, pose) {
+  drawPart(part, pose, differs) {
     const { gl } = this;
     gl.enable(gl.POLYGON_OFFSET_FILL); gl.polygonOffset(1.5, 2);
     this.drawMesh(part, pose, this.colour("part"));
+    if (differs) { gl.depthFunc(gl.LEQUAL); this.drawMesh(differs, pose, this.colour("differs")); }
     gl.disable(gl.POLYGON_OFFSET_FILL);
     this.drawLines(part.lines, pose, this.colour("edge", 0.9), 1.1);
   }
@@ -323,6 +341,11 @@ class Picture {
   /* Names beside the readings, those that do not fit first, as long as they do not cover each other. */
   words(now, w, h) {
     const taken = [[0, h - 96, 96, h], [w - 0.3 * w, h - 44, w, h]], marks = [];
+    if (this.next && this.layers.next) {
+      const [[a, b], [c, d]] = [this.next.start, this.next.point].map((end) => this.project(end));
+      for (let t = 0; t <= 1; t += 0.1) taken.push([a + t * (c - a) - 3, b + t * (d - b) - 3, a + t * (c - a) + 3, b + t * (d - b) + 3]);
+      marks.push(...beside([a, b], "next", "next", taken, w, h));
+    }
     if (!this.layers.readings) return marks;
     this.data.readings.names.forEach((_, i) => {
       const [x, y] = this.project(this.place(i));

@@ -152,7 +152,7 @@ def part_document(part: Part, count: int) -> dict[str, Any]:
     return {
         "name": part.name,
         "vertices": packed(drawn.vertices),
-        "triangles": _base64(drawn.triangles.astype("<u4")),
+        "triangles": base64_of(drawn.triangles.astype("<u4")),
         "lines": packed(drawn.lines),
         "coarse": drawn.coarse,
     }
@@ -212,10 +212,15 @@ def packed(metres: FloatArray) -> str:
     Args:
         metres: lengths [m].
     """
-    return _base64((np.asarray(metres) * MM).astype("<f4"))
+    return base64_of((np.asarray(metres) * MM).astype("<f4"))
 
 
-def _base64(array: np.ndarray) -> str:
+def base64_of(array: np.ndarray) -> str:
+    """Return the bytes of an array as base64 text.
+
+    Args:
+        array: array of the type that the script of the page expects.
+    """
     return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")
 
 

@@ -18,6 +18,7 @@ from tanteo.render.html.answered import answer_front
 from tanteo.render.html.combined import budget_section
 from tanteo.render.html.contacts import Sensed, find_contacts, gather
 from tanteo.render.html.course import course_section, goal_words
+from tanteo.render.html.distinctive import distinction_of, with_distinction
 from tanteo.render.html.origin import Run
 from tanteo.render.html.page import Section, make_page
 from tanteo.render.html.scene import Candidate, scene_document, shapes_shown
@@ -92,9 +93,11 @@ def _page(
     made = f"{run.made_by}, seed {answer.seed}; readings: {sensed.source}."
     last = [figure_section(candidates, answer), rerun_section(run, made)]
     shapes = shapes_shown(candidates, sensed)
-    front = answer_front(answer, candidates, sensed, run.facts, shapes)
+    distinction = distinction_of(answer, candidates)
+    front = answer_front(answer, candidates, sensed, run.facts, shapes, distinction)
     front = replace(front, message=f"{goal} {front.message}".strip())
-    return make_page(front, scene_document(candidates, sensed, shapes) | _eye(eye_direction), [*sections, *last])
+    drawn = with_distinction(scene_document(candidates, sensed, shapes), candidates, distinction)
+    return make_page(front, drawn | _eye(eye_direction), [*sections, *last])
 
 
 def _eye(eye_direction: Vectors | None) -> dict[str, Any]:
