@@ -23,7 +23,7 @@ SHARES: dict[str, dict[str, float]] = {
 """Definition: probability of each response in the density; an unknown one is a random ray or the nearest surface."""
 
 _RAYS = 61
-"""Number of rays that fill the cone over furniture; twice those over a part (``_core/factors/cone_range.cpp``)."""
+"""Number of rays that fill the cone over furniture; half of those over a part (``_core/factors/cone_range.cpp``)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -78,11 +78,13 @@ class ConeRange(OnSurface):
             return -np.inf
         ranges, shares = hits.distances[hit], SHARES[self.response]
         flat = np.unique(np.round(normals[hit], 3), axis=0, return_inverse=True)[1].ravel()
-        most = np.argmax(np.bincount(flat, weights=cosines[hit] / ranges**2))
+        signals = cosines[hit] / ranges**2
+        most = np.argmax(np.bincount(flat, weights=signals))
+        means = np.array([ranges.mean(), np.average(ranges, weights=signals)])  # even, or by signal
         predicted = (
-            ("of_rays", ranges, 1 / _RAYS),
+            ("of_rays", ranges, 1 / len(ranges)),
             ("of_nearest", ranges.min(keepdims=True), 1.0),
-            ("of_mean", ranges.mean(keepdims=True), 1.0),
+            ("of_mean", means, 0.5),
             ("of_strongest", ranges[flat == most].mean(keepdims=True), 1.0),
         )
         # a turn of half the spacing of the rays moves the range on an oblique surface

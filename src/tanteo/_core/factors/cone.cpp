@@ -1,6 +1,8 @@
 #include "factors/cone.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <tuple>
 
 namespace tanteo {
 
@@ -9,9 +11,8 @@ namespace {
 // Whether a sphere may touch the cone: its centre is at most radius from the cone's surface.
 bool may_touch(const Cone& cone, double sine, double cosine, const Vec3& centre, double radius) {
     const Vec3 w = centre - cone.origin;
-    const double along = dot(w, cone.axis), across = std::sqrt(std::max(squared(w) - along * along, 0.0));
-    if (across * cosine - along * sine <= radius) return along > -radius;  // near its side or inside
-    return false;
+    const double along = dot(w, cone.axis), most = radius + along * sine;  // near its side or inside
+    return along > -radius && most >= 0 && (squared(w) - along * along) * cosine * cosine <= most * most;
 }
 
 // Part of the segment p + t e, 0 <= t <= 1, inside the cone, which is convex. Returns false if there is none.
@@ -87,7 +88,7 @@ std::vector<int> triangles_in(const Shape& shape, const Cone& cone, double reach
                         shape.vertices[shape.triangles[3 * static_cast<size_t>(found[0]) + 1]] +
                         shape.vertices[shape.triangles[3 * static_cast<size_t>(found[0]) + 2]];
     const Vec3 ray = unit((1. / 3) * middle - cone.origin);
-    if (shape.cast(cone.origin, ray, 1e299, &first) < 1e299 && dot(shape.normals[first], ray) > 0) found.clear();
+    if (!(shape.bounds().squared_distance(cone.origin) > 0) && shape.cast(cone.origin, ray, 1e299, &first) < 1e299 && dot(shape.normals[first], ray) > 0) found.clear();
     return found;
 }
 
@@ -142,34 +143,65 @@ ConeEcho nearest_in(const Shape& shape, const std::vector<int>& triangles, const
     return best;
 }
 
+RayPattern::RayPattern(int count) : count(count) {
+    constexpr double GOLDEN_TURN = 2.39996322972865332;
+    std::vector<std::pair<double, double>> places(count);
+    for (int k = 0; k < count; ++k) {
+        const double radius = std::sqrt((k + 0.5) / count);
+        places[k] = {radius * std::cos(k * GOLDEN_TURN), radius * std::sin(k * GOLDEN_TURN)};
+    }
+    std::sort(places.begin(), places.end());
+    for (int k = 0; k < count; ++k) x[k] = places[k].first, y[k] = places[k].second;
+    for (int bin = 0, k = 0; bin <= BINS; ++bin) {
+        while (k < count && x[k] < 2.0 * bin / BINS - 1) ++k;
+        bins[bin] = k;
+    }
+}
+
+int RayPattern::first_from(double bound) const {
+    if (!(bound > -1)) return 0;
+    return bound > 1 ? count : bins[static_cast<int>(0.5 * BINS * (bound + 1))];
+}
+
+int RayPattern::end_at(double bound) const { return first_from(bound + 2.0 / BINS); }
+
 Seen::Seen(const Shape& shape, const std::vector<int>& triangles, const Cone& cone, const Vec3& u, const Vec3& v)
-    : cone(cone), u(u), v(v) {
-    const double slope = std::tan(cone.half_angle);
+    : cone(cone), slope(std::tan(cone.half_angle)) {
     all.reserve(triangles.size());
     for (const int t : triangles) {
         const int* corner = &shape.triangles[3 * static_cast<size_t>(t)];
-        Vec3 at[3];
-        for (int k = 0; k < 3; ++k) at[k] = shape.vertices[corner[k]] - cone.origin;
-        Triangle one;
+        Vec3 at[3];  // along u, v and the axis
         bool beyond = false;
-        for (int i = 0; i < 2; ++i) one.least[i] = 1e300, one.most[i] = -1e300;
-        for (const Vec3& corner_at : at) {
-            const double ahead = dot(corner_at, cone.axis);
-            beyond |= ahead <= 0;
-            const double across[2] = {dot(corner_at, u) / ahead, dot(corner_at, v) / ahead};
+        double least[2] = {1e300, 1e300}, most[2] = {-1e300, -1e300};
+        for (int k = 0; k < 3; ++k) {
+            const Vec3 w = shape.vertices[corner[k]] - cone.origin;
+            at[k] = {dot(w, u), dot(w, v), dot(w, cone.axis)};
+            beyond |= at[k].z <= 0;
             for (int i = 0; i < 2; ++i) {
-                one.least[i] = std::min(one.least[i], across[i]);
-                one.most[i] = std::max(one.most[i], across[i]);
+                const double across = at[k][i] / (slope * at[k].z);
+                least[i] = std::min(least[i], across);
+                most[i] = std::max(most[i], across);
             }
         }
-        if (beyond) {
-            for (int i = 0; i < 2; ++i) one.least[i] = -1e300, one.most[i] = 1e300;
-        } else if (one.least[0] > slope || one.most[0] < -slope || one.least[1] > slope || one.most[1] < -slope) {
+        if (beyond)
+            least[0] = least[1] = -1, most[0] = most[1] = 1;
+        else if (least[0] > 1 || most[0] < -1 || least[1] > 1 || most[1] < -1)
             continue;
+        for (int i = 0; i < 2; ++i) {
+            lo[i] = std::min(lo[i], std::max(least[i], -1.0));
+            hi[i] = std::max(hi[i], std::min(most[i], 1.0));
         }
-        one.normal = shape.normals[t];
+        Triangle one;
+        one.least = least[0];
+        one.most = most[0];
+        const Vec3& n = shape.normals[t];
+        one.normal = {dot(n, u), dot(n, v), dot(n, cone.axis)};
         one.height = -dot(one.normal, at[0]);
-        for (int k = 0; k < 3; ++k) one.sides[k] = cross(at[k], at[(k + 1) % 3]);
+        one.depth = (-1 / one.height) * Vec3{slope * one.normal.x, slope * one.normal.y, one.normal.z};
+        for (int k = 0; k < 3; ++k) {
+            const Vec3 side = cross(at[k], at[(k + 1) % 3]);
+            one.sides[k] = {slope * side.x, slope * side.y, side.z};
+        }
         one.number = t;
         if (!all.empty() && (shape.faces[t] != shape.faces[all[0].number] || dot(one.normal, all[0].normal) < 1 - 1e-12 ||
                              std::fabs(one.height - all[0].height) > 1e-9 * all[0].height))
@@ -178,29 +210,45 @@ Seen::Seen(const Shape& shape, const std::vector<int>& triangles, const Cone& co
     }
 }
 
-ConeEcho Seen::echo(double a, double b) const {
-    ConeEcho echo;
-    const Vec3 ray = unit(cone.axis + a * u + b * v);
-    const Triangle* hit = nullptr;
-    for (const Triangle& one : all) {
-        if (a < one.least[0] || a > one.most[0] || b < one.least[1] || b > one.most[1]) continue;
-        // the outer side is towards the origin, so that the corners turn clockwise about the ray
-        if (dot(one.sides[0], ray) > 0 || dot(one.sides[1], ray) > 0 || dot(one.sides[2], ray) > 0) continue;
-        const double cosine = -dot(one.normal, ray);
-        if (!(cosine > 0) || one.height >= echo.range * cosine) continue;
-        echo.range = one.height / cosine;
-        hit = &one;
+void Seen::cast(const RayPattern& pattern, bool whole, std::vector<RayHit>& hits) const {
+    hits.clear();
+    if (all.empty()) return;
+    double nearest[RayPattern::MOST], who[RayPattern::MOST];  // one over the depth; number of the triangle
+    double x[RayPattern::MOST], y[RayPattern::MOST];
+    std::fill_n(nearest, pattern.count, 0.0);
+    std::fill_n(who, pattern.count, -1.0);
+    double middle[2] = {0, 0}, half[2] = {1, 1};
+    for (int i = 0; i < 2 && !whole; ++i) {
+        std::tie(middle[i], half[i]) = middle_and_half(i);
+        half[i] *= 1.4142135623730951;
     }
-    if (!hit) return {};
-    const Vec3& n = hit->normal;
-    echo.cosine = -dot(n, ray);
-    if (!(echo.cosine > std::max(cone.least_cosine, 1e-3))) return {};
-    echo.triangle = hit->number;
-    echo.ray = ray;
-    // range = height / cosine, and a turn of the axis turns the ray with it
-    echo.by_origin = (1 / echo.cosine) * n;
-    echo.by_axis = (echo.range / echo.cosine) * (dot(cone.axis, ray) * n - dot(n, cone.axis) * ray);
-    return echo;
+    for (int k = 0; k < pattern.count; ++k) {
+        x[k] = middle[0] + half[0] * pattern.x[k];
+        y[k] = middle[1] + half[1] * pattern.y[k];
+    }
+    for (size_t t = 0; t < all.size(); ++t) {
+        // the outer side is towards the origin, so that the corners turn clockwise about the ray
+        const Triangle& one = all[t];
+        const Vec3 a = one.sides[0], b = one.sides[1], c = one.sides[2], d = one.depth;
+        const double number = static_cast<double>(t);
+        const int end = pattern.end_at((one.most - middle[0]) / half[0]);
+        for (int k = pattern.first_from((one.least - middle[0]) / half[0]); k < end; ++k) {
+            const double side = std::max(a.z + a.x * x[k] + a.y * y[k],
+                                         std::max(b.z + b.x * x[k] + b.y * y[k], c.z + c.x * x[k] + c.y * y[k]));
+            const double depth = d.z + d.x * x[k] + d.y * y[k];
+            const double own = side <= 0 ? depth : 0.0;
+            who[k] = own > nearest[k] ? number : who[k];
+            nearest[k] = own > nearest[k] ? own : nearest[k];
+        }
+    }
+    const double least = std::max(cone.least_cosine, 1e-3);
+    for (int k = 0; k < pattern.count; ++k) {
+        if (who[k] < 0 || x[k] * x[k] + y[k] * y[k] > 1) continue;
+        const Triangle& one = all[static_cast<size_t>(who[k])];
+        const double a = slope * x[k], b = slope * y[k], length = std::sqrt(1 + a * a + b * b);
+        const double cosine = nearest[k] * one.height / length;
+        if (cosine > least) hits.push_back({length / nearest[k], cosine, {a, b, 1}, one.normal, one.number});
+    }
 }
 
 }  // namespace tanteo

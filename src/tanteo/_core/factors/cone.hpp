@@ -1,5 +1,7 @@
 // Echoes of a wide beam: the nearest point of the part inside a cone, and hits of rays that fill the cone.
 #pragma once
+#include <algorithm>
+#include <utility>
 #include <vector>
 
 #include "shape/shape.hpp"
@@ -24,27 +26,56 @@ struct Cone {
 // origin is inside the part.
 std::vector<int> triangles_in(const Shape& shape, const Cone& cone, double reach);
 
-// Triangles seen from one origin, for many rays: a ray hits one if it is on the same side of the three planes through the
-// origin and its sides. A rectangle about each triangle in the plane across the axis at distance one excludes most rays.
+// Directions that fill a disc of radius one evenly, sorted by x.
+struct RayPattern {
+    static constexpr int MOST = 1023;
+    explicit RayPattern(int count);
+    // The first ray with x at or beyond a bound; up to some earlier.
+    int first_from(double bound) const;
+    // A number of rays beyond which x is greater than a bound.
+    int end_at(double bound) const;
+    int count;
+    double x[MOST], y[MOST];
+
+  private:
+    static constexpr int BINS = 32;
+    int bins[BINS + 1];
+};
+
+// A ray of a cone that a surface answers, along axis + a u + b v.
+struct RayHit {
+    double range, cosine;
+    Vec3 along, normal;  // along: not of unit length
+    int triangle;
+};
+
+// Triangles seen from one origin, for many rays: over the plane across the axis at distance one, the sides of a triangle
+// and one over its depth are linear.
 class Seen {
   public:
-    // The axes u and v are across that of the cone.
+    // The axes u and v are across that of the cone; u, v and the axis are right-handed.
     Seen(const Shape& shape, const std::vector<int>& triangles, const Cone& cone, const Vec3& u, const Vec3& v);
-    // The first hit of the ray along axis + a u + b v, which turns with the cone.
-    ConeEcho echo(double a, double b) const;
+    // The first hits of the rays of a pattern, which turn with the cone: over the whole cone, or in the ellipse about the
+    // rectangle that the triangles may cover.
+    void cast(const RayPattern& pattern, bool whole, std::vector<RayHit>& hits) const;
+    // The fraction of the cone's square that the ellipse about the triangles covers, at most 1.
+    double covered() const { return std::min(1.0, 2 * middle_and_half(0).second * middle_and_half(1).second); }
     // Whether all triangles are in one plane, so that the range is smooth over the cone wherever it hits.
     bool is_one_plane() const { return one_plane; }
 
   private:
     struct Triangle {
-        Vec3 normal, sides[3];
-        double height;  // of the origin over its plane
-        double least[2], most[2];  // rectangle along u and v
+        Vec3 normal, sides[3], depth;  // sides, depth: coefficients of x, y and 1
+        double height;                 // of the origin over its plane
+        double least, most;            // bounds of x
         int number;
     };
+    std::pair<double, double> middle_and_half(int i) const { return {0.5 * (lo[i] + hi[i]), 0.5 * (hi[i] - lo[i])}; }
+
     const Cone& cone;
-    const Vec3 u, v;
+    double slope;
     std::vector<Triangle> all;
+    double lo[2] = {1, 1}, hi[2] = {-1, -1};  // rectangle about the triangles, in half widths of the cone
     bool one_plane = true;
 };
 

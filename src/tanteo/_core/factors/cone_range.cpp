@@ -12,21 +12,15 @@ namespace tanteo {
 namespace {
 
 // What chose these numbers: benchmarks/wide_cones.py.
-constexpr int RAYS = 31, FEW_RAYS = 7;   // rays that fill a cone, and while noise is blurred
-constexpr double EDGE_SD = 0.05;         // relative standard deviation of the half angle: sensitivity fades at the edge
-constexpr double WEIGHT_SD = 0.25;       // of the mean over rays, over their spread: their weights by reflectance are unknown
-constexpr int STRONGER = 4;              // power of the signal to which a surface is the strongest
-constexpr double SAME = 0.3;             // difference in standard deviations up to which echoes of one face are one component
-constexpr double GOLDEN_TURN = 2.39996322972865332;
+// rays that fill a cone; while noise is blurred, or on one plane; where few of them hit, and how few these are
+constexpr int RAYS = 127, FEW_RAYS = 31, MANY_RAYS = RayPattern::MOST, FEW_HITS = 16;
+constexpr double EDGE_SD = 0.05;    // relative standard deviation of the half angle: sensitivity fades at the edge
+constexpr double WEIGHT_SD = 0.03;  // of the mean over rays, over their spread: the reflectance of each place is unknown
+constexpr double RAYS_ERROR = 0.7;  // error of the mean of n rays, over their spread and n^-3/4, as of places even by design
+constexpr int STRONGER = 4;         // power of the signal to which a surface is the strongest
+constexpr double SAME = 0.3;        // difference in standard deviations up to which echoes of one face are one component
 
-// Directions of the rays about the axis, which fill the cone evenly.
-struct Spiral {
-    double cosines[RAYS], sines[RAYS];
-    Spiral() {
-        for (int k = 0; k < RAYS; ++k) cosines[k] = std::cos(k * GOLDEN_TURN), sines[k] = std::sin(k * GOLDEN_TURN);
-    }
-};
-const Spiral SPIRAL;
+const RayPattern ALL_RAYS(RAYS), SOME_RAYS(FEW_RAYS), DENSE_RAYS(MANY_RAYS);
 
 }  // namespace
 
@@ -37,7 +31,7 @@ class ConeRange final : public OnSurface {
     void evaluate(const Placement& placement, Components& out) const override;
     int codimension() const override { return 1; }
     bool aimed() const override { return true; }
-    bool has_models() const override { return is_open(); }
+    bool has_models() const override { return is_open() || of_mean > 0; }
     double rough_cost(const Shape& shape, const Pose& pose, double blur, double tilt) const override;
     NearestElement nearest(const Shape& shape, const Pose& pose, const Vec3& p, bool coarse) const override;
 
@@ -58,7 +52,8 @@ class ConeRange final : public OnSurface {
     double range = 0, half_angle = 0, least_cosine = 0;
     double of_rays = 0, of_nearest = 0, of_mean = 0, of_strongest = 0;  // probability of each response
 
-    // Whether the response is unknown: a model of its own for each, which all readings of the problem share.
+    // Whether the response is unknown: a model of its own for each, which all readings of the problem share. So have the
+    // weights of a mean: even, or by the returned signal.
     bool is_open() const { return of_nearest > 0 && of_nearest < 1; }
     void add(const Shape& shape, const ConeEcho& echo, double share, double variance, double negligible, size_t first,
              Components& out) const;
@@ -73,7 +68,7 @@ class ConeRange final : public OnSurface {
 void ConeRange::add(const Shape& shape, const ConeEcho& echo, double share, double variance, double negligible,
                     size_t first, Components& out) const {
     Component c;
-    const int model = !is_open() ? -1 : out.nearest ? 1 : 0;
+    const int model = has_models() ? out.model : -1;
     c.distance = echo.range - range;
     c.per_sd = 1 / std::sqrt(variance);
     const double r = c.distance * c.per_sd;
@@ -107,9 +102,9 @@ void ConeRange::evaluate(const Placement& at, Components& out) const {
     const std::vector<int> triangles =
         triangles_in(at.shape, widest, all ? 1e150 : reach(std::sqrt(variance)));
     if (triangles.empty()) return;
-    out.nearest = true;
+    out.model = 1;
     if (of_nearest > 0) evaluate_nearest(at, widest, triangles, variance, out);
-    out.nearest = false;
+    out.model = 0;
     if (of_nearest < 1) evaluate_rays(at, cone, triangles, variance, out);
 }
 
@@ -141,60 +136,75 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
     const double slope = std::tan(half_angle);
     const size_t first = out.size();
     const Seen seen(at.shape, triangles, cone, u, v);
-    ConeEcho echoes[RAYS];
-    int count = 0, hits = 0;
-    const auto cast = [&](int rays) {
-        count = rays;
-        hits = 0;
-        for (int k = 0; k < count; ++k) {
-            const double off = slope * std::sqrt((k + 0.5) / count);
-            const ConeEcho echo = seen.echo(off * SPIRAL.cosines[k], off * SPIRAL.sines[k]);
-            if (echo.triangle >= 0) echoes[hits++] = echo;
-        }
-    };
+    thread_local std::vector<RayHit> hits;
     // few rays are enough while noise is blurred, and where all of them hit one plane
     const bool blurred = at.blur > 0.25 * slope * range;
-    if (blurred || seen.is_one_plane()) cast(FEW_RAYS);
-    if (!blurred && hits < FEW_RAYS) cast(RAYS);
-    if (!hits) return;
-    for (int k = 0; k < hits && of_rays > 0; ++k) {
-        // a ray stands for its cell of the cone, in which the range varies with the incidence
-        const ConeEcho& echo = echoes[k];
-        const double tangent2 = 1 / (echo.cosine * echo.cosine) - 1, cell = echo.range * slope * 0.5;
-        add(at.shape, echo, of_rays / count, variance + cell * cell * tangent2 / count, at.negligible, first, out);
+    hits.clear();
+    if (blurred || seen.is_one_plane()) seen.cast(SOME_RAYS, true, hits);
+    const bool smooth = seen.is_one_plane() && static_cast<int>(hits.size()) == FEW_RAYS;
+    if (!blurred && !smooth) {
+        // rays of which half or more would pass a part that covers little of the cone are put about it
+        const bool whole = seen.covered() > 0.5;
+        seen.cast(ALL_RAYS, whole, hits);
+        if (hits.size() < FEW_HITS) seen.cast(DENSE_RAYS, whole, hits);
     }
-    // the mean of the rays of some faces, which are the hits where face is -1 or that of the triangle
-    const auto add_mean = [&](int face, double share) {
+    if (hits.empty()) return;
+    const int n = static_cast<int>(hits.size());
+    for (int k = 0; k < n && of_rays > 0; ++k) {
+        // a ray stands for its cell of the cone, in which the range varies with the incidence; there was an echo
+        const RayHit& hit = hits[k];
+        const double tangent2 = 1 / (hit.cosine * hit.cosine) - 1, cell = hit.range * slope * 0.5;
+        ConeEcho echo;
+        echo.range = hit.range;
+        echo.triangle = hit.triangle;
+        const double length = norm(hit.along), turns = hit.range / (hit.cosine * length);
+        const Vec3 by_axis = turns * (hit.normal - hit.normal.z * hit.along), &m = hit.normal;
+        echo.by_origin = (1 / hit.cosine) * (m.x * u + m.y * v + m.z * cone.axis);
+        echo.by_axis = by_axis.x * u + by_axis.y * v + by_axis.z * cone.axis;
+        add(at.shape, echo, of_rays / n, variance + cell * cell * tangent2 / n, at.negligible, first, out);
+    }
+    // The mean of the rays of some faces, which are the hits where face is -1 or that of the triangle; even or by signal.
+    // Its derivative has the same rays hit, and omits that the outline moves: ascents take more steps, samples use none.
+    const auto add_mean = [&](int face, bool by_signal, double share) {
         ConeEcho mean;
         mean.range = 0;
         double sum = 0, squares = 0;
-        int n = 0;
-        for (int k = 0; k < hits; ++k) {
-            const ConeEcho& echo = echoes[k];
-            if (face >= 0 && at.shape.faces[echo.triangle] != face) continue;
-            sum += echo.range;
-            squares += echo.range * echo.range;
-            mean.by_origin += echo.by_origin;
-            mean.by_axis += echo.by_axis;
-            mean.triangle = echo.triangle;
-            ++n;
+        Vec3 by_origin, by_axis;
+        int count = 0;
+        for (const RayHit& hit : hits) {
+            if (face >= 0 && at.shape.faces[hit.triangle] != face) continue;
+            const double weight = by_signal ? hit.cosine / (hit.range * hit.range) : 1.0;
+            sum += weight;
+            mean.range += weight * hit.range;
+            squares += weight * hit.range * hit.range;
+            mean.triangle = hit.triangle;
+            ++count;
+            if (!at.with_slope) continue;
+            by_origin += (weight / hit.cosine) * hit.normal;
+            by_axis += (weight * hit.range / (hit.cosine * norm(hit.along))) * (hit.normal - hit.normal.z * hit.along);
         }
-        mean.range = sum / n;
-        mean.by_origin = (1.0 / n) * mean.by_origin;
-        mean.by_axis = (1.0 / n) * mean.by_axis;
-        const double spread = std::max(squares / n - mean.range * mean.range, 0.0);
-        add(at.shape, mean, share, variance + spread * (WEIGHT_SD * WEIGHT_SD + 1.0 / n), at.negligible, out.size(), out);
+        mean.range /= sum;
+        by_origin = (1 / sum) * by_origin;
+        by_axis = (1 / sum) * by_axis;
+        mean.by_origin = by_origin.x * u + by_origin.y * v + by_origin.z * cone.axis;
+        mean.by_axis = by_axis.x * u + by_axis.y * v + by_axis.z * cone.axis;
+        const double spread = std::max(squares / sum - mean.range * mean.range, 0.0);
+        const double error = smooth ? 0 : RAYS_ERROR * RAYS_ERROR / (count * std::sqrt(static_cast<double>(count)));
+        add(at.shape, mean, share, variance + spread * (WEIGHT_SD * WEIGHT_SD + error), at.negligible, out.size(), out);
     };
-    if (of_mean > 0) add_mean(-1, of_mean);
+    for (int by_signal = 0; by_signal < 2 && of_mean > 0; ++by_signal) {
+        out.model = by_signal;
+        add_mean(-1, by_signal, 0.5 * of_mean);
+    }
     if (!(of_strongest > 0)) return;
     struct Surface {
         int face;
         double signal;
-    } surfaces[RAYS];
+    } surfaces[MANY_RAYS];
     int faces = 0;
-    for (int k = 0; k < hits; ++k) {
-        const int face = at.shape.faces[echoes[k].triangle];
-        const double signal = echoes[k].cosine / (echoes[k].range * echoes[k].range);
+    for (const RayHit& hit : hits) {
+        const int face = at.shape.faces[hit.triangle];
+        const double signal = hit.cosine / (hit.range * hit.range);
         int j = 0;
         while (j < faces && surfaces[j].face != face) ++j;
         if (j == faces) surfaces[faces++] = {face, 0};
@@ -203,7 +213,7 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
     double most = 0, sum = 0;
     for (int j = 0; j < faces; ++j) most = std::max(most, surfaces[j].signal);
     for (int j = 0; j < faces; ++j) sum += surfaces[j].signal = std::pow(surfaces[j].signal / most, STRONGER);
-    for (int j = 0; j < faces; ++j) add_mean(surfaces[j].face, of_strongest * surfaces[j].signal / sum);
+    for (int j = 0; j < faces; ++j) add_mean(surfaces[j].face, false, of_strongest * surfaces[j].signal / sum);
 }
 
 // By the distance field: a surface is at the range somewhere in the spot, and the ball that the cone holds is empty.

@@ -76,7 +76,7 @@ struct Placement {
 struct Components {
     std::vector<Component> all;
     std::vector<BallContact> contacts, near_faces;  // of one ball
-    bool nearest = false;                           // which model of a cone is evaluated
+    int model = 0;                                  // which model of a device is evaluated (Factor::has_models)
 
     size_t size() const { return all.size(); }
 };

@@ -116,6 +116,8 @@ class Shape : public ShapeNumbers {
     void triangles_about(const Vec3& origin, const Vec3& direction, double reach, double beside, Visit&& visit) const {
         triangle_tree.cast(origin, direction, reach, [&](int t, double nearest) { visit(t); return nearest; }, beside);
     }
+    // box about all triangles
+    const Box& bounds() const { return triangle_tree.nodes[0].box; }
     // calls visit(triangle) for triangles in accepted boxes
     template <class Accept, class Visit>
     void triangles_where(Accept&& accept, Visit&& visit) const {
