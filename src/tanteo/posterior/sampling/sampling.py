@@ -15,41 +15,47 @@ from tanteo.posterior.settings import POSE_DOF
 def sample(samplers: Sequence[Sampler], log_none: float) -> None:
     """Draw samples in rounds until every important mode has enough.
 
-    Where there are too few measurements for a pose, fewer rounds give the probability of each part, and no answer
-    needs the shape of the modes.
+    Where there are too few measurements for a pose, or no maximum is more probable than all other explanations, no
+    answer needs the shape of the modes: fewer rounds and samples give the probability of each part.
 
     Args:
         samplers: samplers of the parts.
         log_none: log-evidence of the unknown object, its prior included.
     """
     total = float(log_sum([log_none, *(float(log_sum(s.peaks.evidence)) + s.log_constant for s in samplers)]))
-    wants = [_first(s, s.peaks.evidence + s.log_constant - total) for s in samplers]
     fixed = any(s.fixes_pose for s in samplers)
+    wants = [_first(s, s.peaks.evidence + s.log_constant - total, shaped=fixed) for s in samplers]
     rounds = 0 if not samplers else samplers[0].settings.rounds if fixed else samplers[0].settings.few_rounds
     count = 0
     for k in range(rounds + 1):
         for sampler, want in zip(samplers, wants, strict=True):
             sampler.sample(want)
         before, count = count, sum(len(s.peaks) for s in samplers)
-        if k == rounds or (k == rounds - 1 and count == before):  # sample new maxima once
+        if k >= rounds or (k == rounds - 1 and count == before):  # sample new maxima once
             break
         if k == 0 and fixed:
             _spread(samplers, log_none)
         masses = [s.masses() for s in samplers]
         total = float(log_sum([log_none, *(float(log_sum(m)) for m, _ in masses)]))
-        wants = [_wanted(s, mass - total, ess) for s, (mass, ess) in zip(samplers, masses, strict=True)]
+        own = samplers[0].settings
+        shaped = fixed and max(float(m.max(initial=-np.inf)) for m, _ in masses) > total + np.log(0.5)
+        rounds = rounds if shaped else min(rounds, own.few_rounds)
+        limits = own.first if shaped else own.shape, own.more if fixed else own.first
+        wants = [_wanted(s, mass - total, ess, limits) for s, (mass, ess) in zip(samplers, masses, strict=True)]
         if not any(want.any() for want in wants):
             break
 
 
-def _first(sampler: Sampler, log_p: FloatArray) -> IntArray:
+def _first(sampler: Sampler, log_p: FloatArray, *, shaped: bool) -> IntArray:
     """Return the samples to draw first of each maximum, by its probability from its curvature.
 
-    The best maximum always gets some. A ridge can have a hundred times the mass that its curvature suggests.
+    The best maximum always gets some. A ridge can have a hundred times the mass that its curvature suggests. Without
+    ``shaped`` no maximum gets enough samples to show the shape of its region.
     """
     own = sampler.settings
     log_p = log_p - min(log_p.max(), 0.0) if log_p.max() < -own.full_gap else log_p
-    return np.where(log_p > -own.full_gap, own.first, np.where(log_p > -own.few_gap, 2 * POSE_DOF, 0))
+    few = 2 * POSE_DOF
+    return np.where(log_p > -own.full_gap, own.first if shaped else few, np.where(log_p > -own.few_gap, few, 0))
 
 
 def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
@@ -63,8 +69,15 @@ def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
             s.spread(s.along, -(-s.settings.enough // s.objective.problem.settings.search.maximized))
 
 
-def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
-    """Return the number of further samples of each maximum; adapt components, and add maxima that samples show."""
+def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray, limits: tuple[int, int]) -> IntArray:
+    """Return the number of further samples of each maximum; adapt components, and add maxima that samples show.
+
+    Args:
+        sampler: sampler of a part.
+        log_p: log probability of each maximum ``(m,)``.
+        ess: effective number of its samples ``(m,)``.
+        limits: smallest and largest number of samples to draw of a maximum that has too few.
+    """
     own, p = sampler.settings, np.exp(log_p)
     if not np.isfinite(sampler.log_weights.max(initial=-np.inf)):  # nearly all is outside a box: sample more
         return own.more * (np.arange(len(p)) == np.argmax(sampler.peaks.evidence))
@@ -72,7 +85,7 @@ def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
         return _wanted_along(sampler, p)
     need = np.clip(2 * own.enough * p, own.shape, own.enough) * (p > own.min_probability)
     worth = np.clip(ess / np.maximum(sampler.counts(), 1), 1 / own.most, 1)  # effective samples for each drawn
-    want = np.where(ess < need, np.clip((need - ess) / worth, own.first, own.more), 0).astype(np.int64)
+    want = np.where(ess < need, np.clip((need - ess) / worth, *limits), 0).astype(np.int64)
     if not want.any():
         return want
     sampler.adapt(np.flatnonzero(want), float(sampler.log_weights.max()))
@@ -80,7 +93,7 @@ def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
     new = sampler.objective.unlike(found, sampler.peaks)
     if len(new):
         sampler.add(new)
-        want = np.concatenate([want, np.full(len(new), own.more)])
+        want = np.concatenate([want, np.full(len(new), limits[1])])
     return want
 
 
