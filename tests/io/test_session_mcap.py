@@ -53,21 +53,23 @@ def messages(path):
         return [(c.topic, stamp, reader.deserialize(raw, c.msgtype)) for c, stamp, raw in reader.messages()]
 
 
+@pytest.mark.parametrize("name", ["run.json", "run.mcap"])
+def test_a_record_has_the_readings_of_its_session(session, tmp_path, name):
+    write_record(session, tmp_path / name)
+    found = read_readings(tmp_path / name)
+    assert found.ids == session.readings.ids
+    hit = ~found.is_free
+    assert np.array_equal(found.points, session.readings.points)
+    assert set(found.sds[hit]) == {session.sensing.sd}
+    assert ("/tanteo/record" in " ".join(found.notes)) == name.endswith(".mcap")
+
+
 def test_the_record_inside_is_the_session(session, tmp_path, target):
     path = tmp_path / "run.mcap"
     write_record(session, path)
     write_record(session, tmp_path / "run.json")
     assert session_document(read_record(path, [target])) == session_document(session)
     assert load_record(path).answer == load_record(tmp_path / "run.json").answer
-
-
-def test_its_readings_are_read_unchanged(session, tmp_path):
-    path = tmp_path / "run.mcap"
-    write_record(session, path)
-    readings = read_readings(path)
-    assert np.array_equal(readings.points, session.readings.points)
-    assert readings.ids == session.readings.ids
-    assert "/tanteo/record" in readings.notes[0]
 
 
 def test_other_readers_get_equal_messages(session, tmp_path):

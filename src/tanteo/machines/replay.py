@@ -11,7 +11,7 @@ from tanteo import io
 from tanteo.errors import InputError
 from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.machines.protocol import Facts, MachineStatus, RefusedError, Sensed, StoppedError
-from tanteo.sensors import Readings, concatenate
+from tanteo.sensors import Readings
 
 _AHEAD, _BEFORE = 0.5, 0.02
 """Smallest cosine of the angle between recorded and requested directions, and default length of a touch [m]."""
@@ -49,14 +49,7 @@ class ReplayMachine:
         Raises:
             InputError: the file is neither, or has no readings.
         """
-        if Path(path).suffix.lower() != ".json":
-            return cls(io.read_readings(path), str(path))
-        record = io.load_record(path)
-        stored = [one.observation().readings for one in record.observations]
-        made = [readings for readings in stored if readings is not None]
-        if not made:
-            raise InputError(f"{path}: expected a session with readings, got none. Take another record.")
-        return cls(concatenate(made), str(path))
+        return cls(io.read_readings(path), str(path))
 
     def status(self) -> MachineStatus:
         """Return the current status, whose age is always zero."""

@@ -11,8 +11,9 @@ from tanteo.errors import MissingExtraError, ReadingsError
 from tanteo.io.documents.ros_messages import RosMessages, RosOptions, check_topics, wanted_topics
 from tanteo.io.readings.broken_bags import STARTS, Raw, files_of, messages_until_damage
 from tanteo.io.readings.ros_readings import readings_at, readings_of_messages
+from tanteo.io.readings.session_readings import session_readings
 from tanteo.io.readings.stated import Stated
-from tanteo.sensors import Readings, concatenate
+from tanteo.sensors import Readings
 
 
 def is_bag(path: Path) -> bool:
@@ -46,8 +47,12 @@ def read_bag(path: Path, stated: Stated, options: RosOptions) -> Readings:
         MissingExtraError: rosbags is not installed.
         ReadingsError: the file cannot be read, has no topic with readings, or has no path between two frames.
     """
-    if not options.topics and (recorded := _session_readings(path)) is not None:
-        return recorded
+    if not options.topics and _is_session(path):
+        from tanteo.io.documents.session_messages import RECORD
+
+        readings = session_readings(path)
+        note = f"The record is in {RECORD}. Use --topic to read other topics."
+        return replace(readings, notes=(*readings.notes, note))
     messages, notes = messages_of(path, options)
     try:
         readings = readings_of_messages(messages, str(path), stated, options)
@@ -79,20 +84,6 @@ def _is_session(path: Path) -> bool:
     from tanteo.io.documents.session_mcap import has_record
 
     return has_record(path)
-
-
-def _session_readings(path: Path) -> Readings | None:
-    """Return the readings of the session record in a file; None if the file has no record."""
-    from tanteo.io.documents.session_messages import RECORD
-    from tanteo.io.documents.session_record import load_record
-
-    if not _is_session(path):
-        return None
-    readings = [one.readings for one in (o.observation() for o in load_record(path).observations) if one.readings]
-    if not readings:
-        raise ReadingsError(f"{path}: expected a session with readings, got one without. Record one.")
-    note = f"The readings are those of the session in {RECORD}, unchanged. Use --topic to read other topics."
-    return replace(concatenate(readings), source=str(path), notes=(note,))
 
 
 def messages_of(path: Path, options: RosOptions) -> tuple[RosMessages, list[str]]:

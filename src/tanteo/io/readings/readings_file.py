@@ -19,6 +19,7 @@ from tanteo.io.readings.log_readings import readings_of
 from tanteo.io.readings.range_codes import parse_special
 from tanteo.io.readings.readings_csv import read_table, read_track
 from tanteo.io.readings.ros_readings import BAG
+from tanteo.io.readings.session_readings import is_session, session_readings
 from tanteo.io.readings.stated import Direction, Stated, as_brand, as_direction, as_pose
 from tanteo.io.readings.table import INVALID
 from tanteo.plugins import guarded
@@ -117,6 +118,8 @@ def read_readings(
             # error messages read the file again to find the line, which a pipe does not allow
             raise ReadingsError(f"{path}: expected a file, got a pipe or device. Save the readings to a file first.")
         start = _beginning(path)
+        if format is None and is_session(start):
+            return session_readings(path)
         form = named if format is not None else recognise(Contents(start, str(path)))
         if form is None:
             if format is None:
