@@ -9,7 +9,7 @@ from silhouettes import bare_share, spilled
 from tanteo.geometry import SE3
 from tanteo.vision.camera import project
 from tanteo.vision.candidates import distinct
-from tanteo.vision.propose import propose, slides, small_distances
+from tanteo.vision.propose import edge_costs, propose, slides
 from tanteo.vision.regions import bare_table, find_regions, silhouette
 from tanteo.vision.settings import EVIDENCE, SEARCH
 from vision_scenes import bracket, seen_alone
@@ -65,9 +65,9 @@ def test_the_share_on_bare_table_is_about_that_of_the_silhouette(model, seen):
 
 def test_a_first_pose_is_next_to_truth_and_costs_what_it_should(model, seen):
     camera, edges, region, T = seen
-    table, distances = SE3.inverse(camera.T_world_camera), small_distances(edges)
+    table, costs = SE3.inverse(camera.T_world_camera), edge_costs(edges, np.full(len(edges.points), EVIDENCE.rarest))
     proposal = propose(
-        model, np.arange(len(model.rests)), camera, table, distances, slides(region, camera, bare_table(region.mask))
+        model, np.arange(len(model.rests)), camera, table, costs, slides(region, camera, bare_table(region.mask))
     )
     turn = np.linalg.norm(SE3.log(SE3.inverse(proposal.T_camera_part) @ T)[:, 3:], axis=1)
     middle = project(camera, SE3.apply(T, model.part.centroid))
@@ -76,11 +76,22 @@ def test_a_first_pose_is_next_to_truth_and_costs_what_it_should(model, seen):
     best = first & (turn < 1.2 * np.pi / SEARCH.yaws) & (off < EVIDENCE.shortest)
     assert best.any()
     assert proposal.costs[best].min() == proposal.costs[first].min()
-    # nothing spilled there: all that it costs is the distances; nowhere more than is evaluated
+    # nothing spilled there: all that it costs is the edges; nowhere more than is evaluated
     assert proposal.costs[best].min() < 3.0
     share = bare_share(model.inner, camera, proposal.T_camera_part, bare_table(region.mask))
     assert share.max() < SEARCH.spilled + 0.15
-    assert np.all(proposal.costs > EVIDENCE.stretch * (share - 0.15))
+    assert np.all(proposal.costs > EVIDENCE.shortest * (share - 0.15))
+
+
+def test_frequent_edges_cost_more_than_rare_ones_but_less_than_none(seen):
+    _, edges, _, _ = seen
+    count = len(edges.points)
+    rarest, none = np.full(count, EVIDENCE.rarest), np.full(count, 1.0)
+    rare, frequent, never = (edge_costs(edges, chance) for chance in (rarest, np.sqrt(rarest), none))
+    on = rare < 1.0
+    assert on.sum() > 100
+    assert np.all((rare < frequent)[on] & (frequent < never)[on])
+    assert np.all(never == EVIDENCE.shortest)
 
 
 def test_of_poses_that_are_about_one_the_best_is_kept(model):

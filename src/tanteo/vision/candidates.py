@@ -11,11 +11,10 @@ from tanteo import _core
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.posterior import DEFAULTS
-from tanteo.vision.edges import map_edges
 from tanteo.vision.fit import beside, pixel_length, refine
 from tanteo.vision.image_edges import ImageEdges, edge_information
 from tanteo.vision.models import VisionModel, lay
-from tanteo.vision.propose import propose, slides, small_distances
+from tanteo.vision.propose import propose, slides
 from tanteo.vision.regions import Region, dilated, silhouette
 from tanteo.vision.settings import EVIDENCE, SEARCH
 from tanteo.vision.table import TableErrors, lying_information
@@ -45,6 +44,7 @@ def candidates_in(
     T_camera_table: Transforms,
     region: Region,
     bare: BoolArray,
+    costs: np.ndarray,
     table: TableErrors,
     ways: Sequence[IntArray] = (),
 ) -> tuple[ImageEdges, list[PoseCandidates]]:
@@ -56,12 +56,13 @@ def candidates_in(
         T_camera_table: frame of the table ``(4, 4)``.
         region: region of the object.
         bare: pixels of bare table ``(rows, columns)``.
+        costs: costs of edge samples, of :func:`tanteo.vision.propose.edge_costs`.
         table: errors of the table, those of the camera's pose included.
         ways: numbers of the stable poses of each part that are tried; all of them if not given.
     """
     camera, edges = image.camera, image.edges
     ways = ways or [np.arange(len(model.rests)) for model in models]
-    proposals = _first_poses(models, ways, image, T_camera_table, region, bare, table)
+    proposals = _first_poses(models, ways, image, T_camera_table, region, bare, costs, table)
     scores = np.concatenate([score for _, _, score in proposals])
     least = max(np.sort(scores)[-3 * SEARCH.kept :][0], -1e9) if len(scores) else 0.0
     out = []
@@ -106,15 +107,15 @@ def _first_poses(
     T_camera_table: Transforms,
     region: Region,
     bare: BoolArray,
+    costs: np.ndarray,
     table: TableErrors,
 ) -> list[tuple[Transforms, IntArray, FloatArray]]:
     """Return poses, stable poses and log densities of each part after a few rounds; of equal poses the best counts."""
     camera, edges = image.camera, image.edges
-    rare = map_edges(edges.points, np.broadcast_to(image.chance, len(edges.points)) < EVIDENCE.rare)
-    distances, places = small_distances(rare), slides(region, camera, bare)
+    places = slides(region, camera, bare)
     out = []
     for model, own in zip(models, ways, strict=True):
-        proposal = propose(model, own, camera, T_camera_table, distances, places)
+        proposal = propose(model, own, camera, T_camera_table, costs, places)
         prior = _lying(model, T_camera_table, proposal.T_camera_part, table)
         T = refine(
             model.coarse,

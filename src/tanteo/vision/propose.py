@@ -15,7 +15,7 @@ from tanteo import _core
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera, meet_plane, rays
-from tanteo.vision.edges import EdgeMap
+from tanteo.vision.edges import EdgeMap, map_edges
 from tanteo.vision.models import VisionModel
 from tanteo.vision.regions import Region, dilated, hulls
 from tanteo.vision.settings import EDGES, EVIDENCE, SEARCH
@@ -28,8 +28,8 @@ class Proposal:
     Attributes:
         T_camera_part: poses ``(k, 4, 4)``.
         rests: number of the stable pose of each ``(k,)``.
-        costs: mean capped distance of edges of the part from edges of the image, and the cost of bare table ``(k,)``
-            [px].
+        costs: mean cost of edge samples of the part, and of points on bare table, which cost as much as samples without
+            an edge ``(k,)`` [px].
     """
 
     T_camera_part: Transforms
@@ -37,12 +37,28 @@ class Proposal:
     costs: FloatArray
 
 
-def small_distances(edges: EdgeMap) -> np.ndarray:
-    """Return capped distances on a coarse grid with a margin ``(channels, rows, columns)``, single precision."""
-    cap = EVIDENCE.shortest
-    low = np.minimum(edges.distances[:, :: EDGES.cell, :: EDGES.cell], cap).astype(np.float32)
+def edge_costs(edges: EdgeMap, chance: FloatArray) -> np.ndarray:
+    """Return costs of edge samples on a coarse grid with a margin ``(channels, rows, columns)``, single precision.
+
+    A sample on an edge that is as rare as possible has the cost 0. The cost grows with the distance up to a cap, which
+    is the cost of a sample without an edge. An edge with the chance ``c`` reduces the cost by ``log c / log c_rarest``
+    times as much. In clutter the edges of the part itself are frequent, and still count.
+
+    Args:
+        edges: map of all edge points of the image.
+        chance: probability of a random edge like each edge point ``(n,)``.
+    """
+    cap, cell = EVIDENCE.shortest, EDGES.cell
+    # a rare edge may lie beyond a frequent one
+    maps = (edges, map_edges(edges.points, chance < EVIDENCE.rare))
+    evidence = np.append(np.log(chance) / np.log(EVIDENCE.rarest), 0.0)
+    saved = [
+        evidence[one.nearest[:, ::cell, ::cell]] * (cap - np.minimum(one.distances[:, ::cell, ::cell], cap))
+        for one in maps
+    ]
+    costs = (cap - np.maximum(*saved)).astype(np.float32)
     margin = _margin(edges.points.shape)
-    return np.pad(low, ((0, 0), (margin, margin), (margin, margin)), constant_values=cap)
+    return np.pad(costs, ((0, 0), (margin, margin), (margin, margin)), constant_values=cap)
 
 
 def _margin(shape: tuple[int, ...]) -> int:
@@ -58,7 +74,7 @@ class Slides:
         pixels: places ``(S, 2)`` [px].
         rays: rays through the places ``(S, 3)``, camera frame, z = 1.
         middle: number of the place nearest to the centre of the region.
-        bare: pixels that show bare table, on the grid of :func:`small_distances`.
+        bare: pixels that show bare table, on the grid of :func:`edge_costs`.
     """
 
     pixels: FloatArray
@@ -97,11 +113,19 @@ def propose(
     ways: IntArray,
     camera: Camera,
     T_camera_table: Transforms,
-    distances: np.ndarray,
+    costs: np.ndarray,
     places: Slides,
-    most: int = 20,
 ) -> Proposal:
-    """Return pose proposals of a part in a region, at most ``most`` of each stable pose in ``ways``."""
+    """Return pose proposals of a part in a region, the cheapest ones of the stable poses in ``ways``.
+
+    Args:
+        model: part.
+        ways: numbers of the stable poses that are tried.
+        camera: camera of the image.
+        T_camera_table: frame of the table ``(4, 4)``.
+        costs: costs of edge samples, of :func:`edge_costs`.
+        places: places to which the part is moved.
+    """
     found = []
     if not len(places.pixels):
         return Proposal(np.zeros((0, 4, 4)), np.zeros(0, dtype=np.int64), np.zeros(0))
@@ -118,12 +142,13 @@ def propose(
         shifted = SE3.from_parts(np.eye(3), np.array([middle[0], middle[1], 0.0]))
         yaw, place, cost = _core.slide_edges(
             model.coarse.compiled, camera.numbers, T_camera_table @ shifted @ Ts, model.part.centroid, model.inner,
-            distances, places.bare, places.pixels, EDGES.cell, _margin(camera.size), SEARCH.coarse,
-            SEARCH.spilled, EVIDENCE.stretch, _step(), most,
+            costs, places.bare, places.pixels, EDGES.cell, _margin(camera.size), SEARCH.coarse,
+            SEARCH.spilled, EVIDENCE.shortest, _step(), SEARCH.tried // 4,
         )  # fmt: skip
         move = SE3.from_parts(np.eye(3), np.concatenate([at[place, :2], np.zeros((len(place), 1))], axis=1))
         found.append((T_camera_table @ move @ Ts[yaw], np.full(len(yaw), k), cost))
     if not found:
         return Proposal(np.zeros((0, 4, 4)), np.zeros(0, dtype=np.int64), np.zeros(0))
-    poses, which, costs = (np.concatenate(column) for column in zip(*found, strict=True))
-    return Proposal(poses, which, costs)
+    poses, which, sums = (np.concatenate(column) for column in zip(*found, strict=True))
+    best = np.argsort(sums, kind="stable")[: SEARCH.tried]
+    return Proposal(poses[best], which[best], sums[best])

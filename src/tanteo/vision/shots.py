@@ -32,6 +32,7 @@ class Shot:
         chance: probability of a random edge like each ``(n,)``.
         regions: regions of objects, largest first.
         bare: pixels of bare table ``(rows, columns)``.
+        costs: costs of edge samples, of :func:`tanteo.vision.propose.edge_costs`.
     """
 
     camera: Camera
@@ -42,6 +43,7 @@ class Shot:
     chance: FloatArray
     regions: tuple[Region, ...]
     bare: BoolArray
+    costs: np.ndarray
 
 
 def same_objects(shots: Sequence[Shot]) -> list[tuple[Region | None, ...]]:
@@ -114,7 +116,9 @@ def image_candidates(
     for shot, region in zip(shots, regions, strict=True):
         image = ImageEdges(shot.camera, shot.edges, shot.chance, weights=weights or Weights())
         if region is not None:
-            image, found = candidates_in(models, image, shot.T_camera_table, region, shot.bare, shot.errors, ways)
+            image, found = candidates_in(
+                models, image, shot.T_camera_table, region, shot.bare, shot.costs, shot.errors, ways
+            )
             for one in found:
                 prior = np.log([one.model.rests[k].probability for k in one.rests])
                 proposed.setdefault(id(one.model), []).append((standing(shot.camera) @ one.T_camera_part, prior))

@@ -26,6 +26,7 @@ from tanteo.vision.image_edges import ImageEdges, Weights, edge_information, sta
 from tanteo.vision.models import VisionModel, prepare_vision
 from tanteo.vision.outlines import check_size, narrowed, seen_outline
 from tanteo.vision.posterior import ImagePosterior, infer
+from tanteo.vision.propose import edge_costs
 from tanteo.vision.regions import Region, bare_table, dilated, find_regions, hulls, silhouette
 from tanteo.vision.rims import name_ellipses
 from tanteo.vision.settings import EDGES, EVIDENCE
@@ -229,7 +230,9 @@ def shot_of(view: View, parts: Sequence[Any], T_world_table: Transforms, errors:
     errors = seen_table(errors, camera, T_world_table)
     if view.ignore is not None:
         regions = tuple(one for one in regions if (one.mask & view.ignore).sum() <= 0.5 * one.mask.sum())
-    return Shot(camera, T_camera_table, errors, points, map_edges(points), chance, tuple(regions), bare)
+    edges = map_edges(points)
+    costs = edge_costs(edges, chance)
+    return Shot(camera, T_camera_table, errors, points, edges, chance, tuple(regions), bare, costs)
 
 
 def in_others(sight: Sight, others: Sequence[tuple[Camera, EdgePoints]]) -> tuple[Sight, ...]:
