@@ -12,7 +12,7 @@ from tanteo.geometry import SE3
 from tanteo.posterior import OnTable
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.candidates import poses_beside, with_unknown
-from tanteo.vision.edges import chance_hits, map_edges
+from tanteo.vision.edges import chance_hits, find_edges, map_edges
 from tanteo.vision.fit import beside, pixel_length, refine
 from tanteo.vision.image_edges import ImageEdges
 from tanteo.vision.posterior import infer
@@ -54,6 +54,22 @@ def factor_of(model, camera, image, edges):
     errors = TableErrors()
     lying = OnTable(np.eye(4), errors.height, errors.tilt, area_of(region, camera, T_camera_table))
     return region, with_unknown(ImageEdges(camera, edges, chance_hits(edges.points)), region, []), lying
+
+
+def test_edges_of_an_occluder_are_no_evidence_of_an_unknown_object(scene):
+    """Where something lies on the part, the part explains fewer edges, and so does an object that is like no part."""
+    model, camera, image, _, T, _ = scene
+    middle = camera.focal * SE3.apply(T, model.part.centroid)[:2] / SE3.apply(T, model.part.centroid)[2]
+    row, column = np.indices(image.shape)
+    near = np.hypot(column - middle[0] - camera.K[0, 2], row - middle[1] - camera.K[1, 2])
+    logs, counts = [], []
+    for pixels in (image, np.where((near < 60) & (near.astype(int) // 10 % 2 == 0), 20.0, image)):
+        points = find_edges(pixels)
+        chance = np.full(len(points), 0.05)
+        logs.append(ImageEdges(camera, map_edges(points), chance).with_unknown(model, T).log_unknown)
+        counts.append(len(points))
+    assert counts[1] > 1.2 * counts[0]
+    assert logs[1] < logs[0]
 
 
 def test_a_pose_that_is_one_of_two_is_reported_with_both(scene):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,10 +12,10 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.posterior import DEFAULTS
 from tanteo.vision.fit import beside, pixel_length, refine
-from tanteo.vision.image_edges import ImageEdges, edge_information
+from tanteo.vision.image_edges import ImageEdges
 from tanteo.vision.models import VisionModel, lay
 from tanteo.vision.propose import propose, slides
-from tanteo.vision.regions import Region, dilated, silhouette
+from tanteo.vision.regions import Region, dilated
 from tanteo.vision.settings import EVIDENCE, SEARCH
 from tanteo.vision.table import TableErrors, lying_information
 from tanteo.vision.wireframe import in_camera
@@ -85,19 +85,15 @@ def candidates_in(
 def with_unknown(image: ImageEdges, region: Region, found: Sequence[PoseCandidates]) -> ImageEdges:
     """Return the edges of an image with the log density of an unknown object in the place of the best candidate.
 
-    An unknown object has those edges under the best candidate that are rare on the table.
-
     Args:
         image: edges of the image.
-        region: region of the object, which is its place without a candidate.
+        region: region of the object, whose edges an unknown object has if there is no candidate.
         found: candidates.
     """
-    mask = region.mask
-    if any(len(one.log) for one in found):
-        best = max(found, key=lambda one: float(one.log.max(initial=-np.inf)))
-        mask = silhouette(best.model.frame.surface, image.camera, best.T_camera_part[int(np.argmax(best.log))])
-    information = edge_information(image.edges.points, image.chance, dilated(mask))
-    return replace(image, log_unknown=image.weights.unknown * information + image.weights.base)
+    if not any(len(one.log) for one in found):
+        return image.with_unknown_in(dilated(region.mask))
+    best = max(found, key=lambda one: float(one.log.max(initial=-np.inf)))
+    return image.with_unknown(best.model, best.T_camera_part[int(np.argmax(best.log))])
 
 
 def _first_poses(

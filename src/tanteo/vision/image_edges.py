@@ -7,7 +7,7 @@ shared errors.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,8 +18,10 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Part
 from tanteo.vision.camera import Camera
-from tanteo.vision.edges import EdgeMap, EdgePoints
+from tanteo.vision.edges import EdgeMap, EdgePoints, cell_of
+from tanteo.vision.fit import meet
 from tanteo.vision.models import VisionModel, prepare_vision
+from tanteo.vision.regions import dilated
 from tanteo.vision.settings import EDGES, EVIDENCE, SPACING
 
 _NO_LEVELS = np.zeros((0, 4, 4)), np.zeros(0)
@@ -33,20 +35,21 @@ _AWAY = SE3.from_parts(np.eye(3), np.full(3, 1e6))[None]
 class Weights:
     """Weights of the sums of an image, fitted on rendered scenes of random parts (``benchmarks/vision_fit.py``).
 
-    Edges are dependent, and shadows and occluders make further edges. The fit measures the effect on the sums. Ratios
-    are those of 73 scenes and photographs; the scale is that of decision 23.
+    Edges are dependent, and shadows and occluders make further edges. The fit measures the effect on the sums. The
+    scale of ``hits`` and ``misses`` is that of decision 23; the others are fitted at that scale.
 
     Attributes:
         hits: weight of edges of the part that match edges of the image. ``benchmarks/vision_fit.py``.
         misses: weight of edges of the part that match none. ``benchmarks/vision_fit.py``.
-        unknown: log density of an unknown object for each nat of its rare edges. ``benchmarks/vision_fit.py``.
+        unknown: log density of an unknown object for each nat of the edges that the best candidate explains.
+            ``benchmarks/vision_fit.py``.
         base: log density of an unknown object without edges. ``benchmarks/vision_fit.py``.
     """
 
     hits: float = 0.409
     misses: float = 0.216
-    unknown: float = 0.0272
-    base: float = 8.97
+    unknown: float = 0.0647
+    base: float = 6.82
 
     def rules(self, *, located: bool = True) -> FloatArray:
         """Return the constants of the likelihood of image edges, in the order of ``EdgeRules`` in the core ``(17,)``.
@@ -151,6 +154,30 @@ class ImageEdges(PoseFactor):
         term = _core.image_edges(seen, self.image, self.weights.rules(located=False), *_NO_LEVELS, reach, 0, own)
         Ts = np.ascontiguousarray(standing(self.camera) @ T_camera_part)
         return Sums(*_core.image_sums(term, Ts, np.zeros((len(Ts), state_columns((self,), 0)[1]))).T)
+
+    def with_unknown(self, model: VisionModel, T_camera_part: Transforms) -> ImageEdges:
+        """Return the edges with the log density of an unknown object in the place of a part.
+
+        The unknown object has those edges that the part explains. All other edges in that place are of texture, shadows
+        and other objects, whether the part is known or not.
+
+        Args:
+            model: part with its edges.
+            T_camera_part: its pose ``(4, 4)``.
+        """
+        points = self.edges.points
+        matches = meet(model.frame, self.camera, self.edges, T_camera_part[None], EVIDENCE.reach)
+        if not matches.inside.any():
+            return replace(self, log_unknown=0.0)
+        mask = np.zeros(points.shape, dtype=np.bool_)
+        row, column, _ = cell_of(points.shape, points.pixels[matches.points[matches.hits]])
+        mask[row, column] = True
+        return self.with_unknown_in(dilated(mask, EVIDENCE.same_place))
+
+    def with_unknown_in(self, mask: BoolArray) -> ImageEdges:
+        """Return the edges with the log density of an unknown object that has those in a mask ``(rows, columns)``."""
+        information = edge_information(self.edges.points, self.chance, mask)
+        return replace(self, log_unknown=self.weights.unknown * information + self.weights.base)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,9 +13,9 @@ from tanteo.posterior import DEFAULTS
 from tanteo.vision.camera import Camera, on_plane, opencv
 from tanteo.vision.candidates import candidates_in
 from tanteo.vision.edges import EdgeMap, EdgePoints
-from tanteo.vision.image_edges import ImageEdges, Weights, edge_information, standing
+from tanteo.vision.image_edges import ImageEdges, Weights, standing
 from tanteo.vision.models import VisionModel
-from tanteo.vision.regions import Region, dilated, silhouette
+from tanteo.vision.regions import Region
 from tanteo.vision.table import TableErrors
 
 
@@ -99,8 +99,8 @@ def image_candidates(
 ) -> tuple[tuple[ImageEdges, ...], dict[int, Transforms]]:
     """Return the images of an object as factors, and poses of each part that any of them proposes.
 
-    Every image proposes poses in its region of the object; all of them score the poses. An unknown object has those
-    edges that are rare on the table under the best pose.
+    Every image proposes poses in its region of the object; all of them score the poses. An unknown object has the edges
+    that the best pose explains.
 
     Args:
         models: candidate parts.
@@ -143,7 +143,7 @@ def jointly(
     Args:
         images: edges of the images.
         proposals: parts with poses ``T_world_part`` ``(k, 4, 4)`` and their log prior probabilities ``(k,)``.
-        unknown: whether an unknown object has the edges under the best pose; if not, its log densities are kept.
+        unknown: whether an unknown object has the edges that the best pose explains; if not, its log densities stay.
     """
     logs = []
     for model, Ts, prior in proposals:
@@ -152,19 +152,10 @@ def jointly(
     model, Ts, _ = proposals[max(range(len(logs)), key=lambda k: float(logs[k].max(initial=-np.inf)))]
     best = Ts[int(np.argmax(max(logs, key=lambda log: float(log.max(initial=-np.inf)))))]
     if unknown:
-        images = [_with_unknown_at(image, model, best) for image in images]
+        images = [image.with_unknown(model, SE3.inverse(standing(image.camera)) @ best) for image in images]
     top = max(float(log.max()) for log in logs)
     kept = {}
     for (model, Ts, _), log in zip(proposals, logs, strict=True):
         rows = np.flatnonzero((log > top - DEFAULTS.search.drop_gap) | (log == log.max()))
         kept[id(model)] = np.ascontiguousarray(Ts[rows])
     return tuple(images), kept
-
-
-def _with_unknown_at(image: ImageEdges, model: VisionModel, T_world_part: Transforms) -> ImageEdges:
-    """Return an image with the log density of an unknown object in the place of a pose; 0 if it does not show it."""
-    mask = silhouette(model.frame.surface, image.camera, SE3.inverse(standing(image.camera)) @ T_world_part)
-    if not mask.any():
-        return replace(image, log_unknown=0.0)
-    information = edge_information(image.edges.points, image.chance, dilated(mask))
-    return replace(image, log_unknown=image.weights.unknown * information + image.weights.base)
