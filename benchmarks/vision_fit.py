@@ -4,7 +4,7 @@ The parts are random workpieces and random machined parts (``tests/machined_part
 near twin; no benchmark measures any of these parts. Two catalogues of twenty have no part in common; each scene uses
 one of them. ``--photographs FOLDER`` adds photographs that Mitsuba renders (``photographs.py``) and keeps them there; a
 second number is their number of each kind. Every scene counts a second time as if its part, and parts of about its
-size, were not in the catalogue: only readings tell these apart (decision 87). Printed are the most probable weights,
+size, were not in the catalogue: only readings distinguish these (decision 87). Printed are the most probable weights,
 and how well a fit to the first half of the scenes does on the second. ``--keep FILE`` and ``--processes N`` are for
 long runs (``campaign.py``).
 """
@@ -85,7 +85,7 @@ def near(model, T, truth):
 
 
 def similar(part, other):
-    """Return whether two parts have nearly the same box, area and volume: an image alone does not tell them apart."""
+    """Return whether two parts have nearly the same box, area and volume: an image alone does not distinguish them."""
     own, its = (
         np.r_[np.sort(np.ptp(one.box, axis=0)), np.sqrt(one.area / 6), np.cbrt(one.volume)] for one in (part, other)
     )

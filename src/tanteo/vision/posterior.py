@@ -17,18 +17,7 @@ from tanteo.geometry import SE3
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.posterior import (
-    Mode,
-    OnTable,
-    PartSearch,
-    Posterior,
-    Priors,
-    Problem,
-    prepare,
-    search_about,
-    sized,
-    weigh,
-)
+from tanteo.posterior import Mode, OnTable, PartSearch, Posterior, Priors, Problem, prepare, search_about, sized, weigh
 from tanteo.vision.image_edges import ImageEdges, Sums, sums_of
 from tanteo.vision.models import VisionModel
 from tanteo.vision.settings import EVIDENCE
@@ -215,10 +204,9 @@ def infer(
     unknown = sum(image.log_unknown for image in images)
     known = float(np.log1p(-problem.priors.unknown))
     prior = known - float(np.log(count))
-    none = float(np.log(problem.priors.unknown)) + unknown
     evidence = np.array([search.log_evidence + prior for search in searches])
     found = weigh(
-        problem, searches, np.full(len(searches), prior), none,
+        problem, searches, np.full(len(searches), prior), float(np.log(problem.priors.unknown)) + unknown,
         np.random.default_rng(_SEED), log_left_out=log_left_out(evidence, unknown + known),
     )  # fmt: skip
     modes, log_evidence = _weighed(images, found, lying, prior)
