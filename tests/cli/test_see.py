@@ -43,11 +43,15 @@ def truth(image):
 
 
 def test_a_hidden_part_is_named_and_placed(run, few, tmp_path):
-    picture = tmp_path / "seen.png"
-    result = run("see", IMAGES / "half_hidden.png", *PLACED, "--parts", few, "--picture", picture)
+    picture, written = tmp_path / "seen.png", tmp_path / "seen.json"
+    targets = ("--picture", picture, "--write-detections", written)
+    result = run("see", IMAGES / "half_hidden.png", *PLACED, "--parts", few, *targets)
     assert "clamp at x" in result.out
     assert "Camera fitted to 12 marks" in result.err
     assert read_image(picture).shape == (1000, 1280)  # twice as large, with a legend
+    first = json.loads(written.read_text())["detections"][0]
+    assert first["header"]["frame_id"] == "world"
+    assert first["results"][0]["hypothesis"]["class_id"] == "clamp"
 
 
 def test_one_document_with_every_object(run, few):

@@ -11,7 +11,7 @@ import pytest
 from tanteo import _core, identify
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
-from tanteo.io.poses.detections_file import read_detections
+from tanteo.io.poses.detections_file import read_detections, write_detections
 from tanteo.parts import read_part
 from tanteo.posterior.detections import Detection, Detections, agreement, named
 from tanteo.sensors import Readings
@@ -126,3 +126,18 @@ def test_bad_detections_are_named(tmp_path, text, words):
     file.write_text(text)
     with pytest.raises(InputError, match=words):
         read_detections(file)
+
+
+def test_written_answers_are_read_as_detections(parts, few, tmp_path):
+    answer = identify(few, parts, sd=1e-4, conventions=False)
+    file = tmp_path / "found.json"
+    write_detections(file, [answer], "cell")
+    document = json.loads(file.read_text())
+    assert document["detections"][0]["header"]["frame_id"] == "cell"
+    again = read_detections(file)
+    assert [one.part for one in again] == [h.part for h in answer.hypotheses]
+    assert len(again) > 1
+    for one, h in zip(again, answer.hypotheses, strict=True):
+        assert one.score == pytest.approx(h.probability)
+        np.testing.assert_allclose(one.T_world_part, h.T_world_part, atol=1e-12)
+        np.testing.assert_allclose(one.covariance, h.covariance, rtol=1e-6, atol=1e-12)

@@ -312,6 +312,10 @@ AsPublished = Annotated[bool, _answer("--as-published", None, "Use the equations
 Seed = Annotated[int, _answer("--seed", None, "Seed of the search: the same seed gives the same answer."), SEED]
 
 Report = Annotated[str | None, _output("--report", "FILE.html", "Write a report that any browser opens, offline.")]
+DetectionsTarget = Annotated[
+    str | None,
+    _output("--write-detections", "FILE.json", "Write hypotheses and poses as a Detection3DArray (see --detections)."),
+]
 Json = Annotated[bool, _output("--json", None, "Print one JSON document and nothing else.")]
 Verbose = Annotated[bool, _output("--verbose -v", None, "Print more details.")]
 

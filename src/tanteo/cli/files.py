@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tanteo.geometry.typing import Vectors
     from tanteo.parts import Part
     from tanteo.planning import Session
+    from tanteo.posterior import Answer
     from tanteo.render.html import Run, Section
     from tanteo.sensors import Rig
 
@@ -238,6 +239,23 @@ def write_page(path: str, page: str, *, as_json: bool) -> None:
     with writing("--report", path):
         write_report(path, page)
     print_text(f"report written: {path}", sys.stderr if as_json else sys.stdout)
+
+
+def write_detections(path: str, answers: Sequence[Answer], frame: str) -> None:
+    """Write the answers of objects as detections.
+
+    Args:
+        path: file of the detections.
+        answers: one answer for each object.
+        frame: name of the frame of the poses.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from tanteo.io.poses import detections_file
+
+    with writing("--write-detections", path):
+        detections_file.write_detections(path, answers, frame)
 
 
 def report_session(

@@ -49,6 +49,7 @@ def see(
             "Write the image with the result drawn into it (PNG, JPEG); several are below each other.",
         ),
     ] = None,
+    write_detections: args.DetectionsTarget = None,
     top: args.Top = 5,
     json: args.Json = False,
     verbose: args.Verbose = False,
@@ -65,7 +66,9 @@ def see(
     )  # fmt: skip
     files.check_target("--picture", picture, (".png", ".jpg"))
     sources = [("the image", image) for image in images]
-    files.check_different(("--picture", picture), inputs=[*sources, *cameras.files])
+    files.check_target("--write-detections", write_detections, (".json",))
+    targets = ("--picture", picture), ("--write-detections", write_detections)
+    files.check_different(*targets, inputs=[*sources, *cameras.files])
     views = read_views(images, cameras)
     if len(views) > 1:
         require_poses(views, cameras)
@@ -87,6 +90,8 @@ def see(
             draw_sight(view.pixels, view.camera, one) for view, one in zip(views, (sight, *sight.others), strict=True)
         ]
         io.write_image(picture, stacked(drawn))
+    if write_detections is not None:
+        files.write_detections(write_detections, [seen.answer for seen in sight.objects], sight.frame)
     sight = _timed(sight, loaded, time.perf_counter() - start)
     if json:
         put(io.documents.sight_json(sight, warned()))

@@ -1,4 +1,4 @@
-"""Read poses of a detector: JSON, or ``vision_msgs/Detection3DArray`` as JSON or YAML.
+"""Poses of detectors: read them as JSON, or read and write ``vision_msgs/Detection3DArray`` as JSON (or YAML).
 
 The JSON of this project is a list, or an object with a list ``detections``, of objects with ``part``, ``score``, a pose
 (``matrix`` of 4 x 4, or ``position_m`` and ``quaternion_wxyz``) and, if known, ``sd_m`` and ``sd_rad`` about each axis.
@@ -7,18 +7,21 @@ Each detection of a ``Detection3DArray`` has one hypothesis or more, whose ``cla
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import json
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.geometry import SE3, SO3, from_ros_covariance
+from tanteo.geometry import SE3, SO3, UncertainFrame, as_ros_covariance, from_ros_covariance
 from tanteo.geometry.typing import Transforms
 from tanteo.io.poses.camera_layouts import load_yaml
 from tanteo.parts import read_whole
+from tanteo.posterior import Answer, Hypothesis
 from tanteo.posterior.detections import Detection
+from tanteo.replaced import replaced
 
 _MOST_BYTES = 2_000_000
 """Largest accepted file [bytes]."""
@@ -50,6 +53,41 @@ def read_detections(path: str | Path) -> tuple[Detection, ...]:
             raise InputError(f"{where}: expected part, score and pose by name, got {type(row).__name__}.")
         out += list(_of_message(row, where) if "results" in row else _of_row(row, where))
     return tuple(out)
+
+
+def write_detections(path: str | Path, answers: Sequence[Answer], frame: str) -> None:
+    """Write answers as a ``vision_msgs/Detection3DArray`` in JSON, which :func:`read_detections` reads.
+
+    Each object is a detection; its results are the hypotheses, most probable first, with their probabilities as scores.
+    The poses are those of the CAD frames, with covariance. The stamp is zero, and the boxes are omitted.
+
+    Args:
+        path: file to write.
+        answers: one answer for each object.
+        frame: name of the frame of the poses (``frame_id``).
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": frame}
+    detections = [
+        {"header": header, "results": [_result(h) for h in answer.hypotheses], "id": ""} for answer in answers
+    ]
+    text = json.dumps({"header": header, "detections": detections}, indent=1) + "\n"
+    with replaced(path) as file:
+        file.write_text(text, encoding="utf-8")
+
+
+def _result(h: Hypothesis) -> dict[str, Any]:
+    """Return a hypothesis as ``vision_msgs/ObjectHypothesisWithPose``."""
+    T = h.T_world_part
+    position = dict(zip("xyz", map(float, T[:3, 3]), strict=True))
+    orientation = dict(zip("wxyz", map(float, SO3.as_quaternion(T[:3, :3])), strict=True))
+    covariance = as_ros_covariance(UncertainFrame(T, h.covariance)).tolist()
+    return {
+        "hypothesis": {"class_id": h.part, "score": float(h.probability)},
+        "pose": {"pose": {"position": position, "orientation": orientation}, "covariance": covariance},
+    }
 
 
 def _of_row(row: Mapping[str, Any], where: str) -> Iterator[Detection]:
