@@ -56,7 +56,7 @@ def factor_of(model, camera, image, edges):
     return region, with_unknown(ImageEdges(camera, edges, chance_hits(edges.points)), region, []), lying
 
 
-def test_edges_of_an_occluder_are_no_evidence_of_an_unknown_object(scene):
+def test_edges_of_an_occluder_are_no_unknown_object(scene):
     """Where something lies on the part, the part explains fewer edges, and so does an object that is like no part."""
     model, camera, image, _, T, _ = scene
     middle = camera.focal * SE3.apply(T, model.part.centroid)[:2] / SE3.apply(T, model.part.centroid)[2]
