@@ -83,7 +83,7 @@ def test_a_first_pose_is_next_to_truth_and_costs_what_it_should(model, seen):
     assert np.all(proposal.costs > EVIDENCE.shortest * (share - 0.15))
 
 
-def test_frequent_edges_cost_more_than_rare_ones_but_less_than_none(seen):
+def test_frequent_edges_cost_more_than_rare_ones(seen):
     _, edges, _, _ = seen
     count = len(edges.points)
     rarest, none = np.full(count, EVIDENCE.rarest), np.full(count, 1.0)
