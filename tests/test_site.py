@@ -12,10 +12,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import tanteo
-from browsing import Watched, complaints
+from browsing import Watched, complaints, pixels
 
 ROOT = Path(__file__).parents[1]
 NOTEBOOKS = ROOT / "docs" / "notebooks"
@@ -141,6 +142,9 @@ def view(site, browser, folder, with_notebooks):
             if size == "desk":  # furo gives both of its side bars one role
                 assert complaints(watched.page, without=("landmark-unique",)) == [], name
             watched.page.screenshot(path=folder / f"site_{name}_{size}.png")
+            if (name, size) == ("home", "phone"):
+                drawing = pixels(watched.page.locator("img[src$='.svg']").first.screenshot())
+                assert np.mean(drawing.min(axis=-1) > 0.8) < 0.05  # no white block on a dark page
             assert watched.messages == []
             watched.context.close()
     watched = Watched(browser, (site / "docs/index.html").as_uri(), "desk", offline=True, noise=("error",))
