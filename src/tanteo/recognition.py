@@ -255,6 +255,10 @@ class Query:
         rig: Rig | None = self._options.get("rig")
         return rig
 
+    def with_rig(self, rig: Rig) -> Query:
+        """Return the options with another rig."""
+        return Query(**self._options | {"rig": rig})
+
     def problem(self, readings: Readings, parts: Sequence[Part]) -> tuple[Problem, Candidates]:
         """Return the measurements and priors of the inference for other readings, and its candidate parts."""
         own, settings = self._options, self._options.get("settings", DEFAULTS)

@@ -147,3 +147,14 @@ def test_an_unknown_response_is_refused():
 
 def test_every_range_preset_states_its_response():
     assert all((one.response in RESPONSES) != one.is_contact for one in sensor_presets().values())
+
+
+def test_another_response_that_fits_is_named(block):
+    rng = np.random.default_rng(1)
+    sensors = [looking(rng, block.part) for _ in range(20)]
+    ranges = [float(np.nanmin(rays_of(block, s, 4000))) + SD * rng.normal() for s in sensors]
+    readings = Readings.from_columns(ranges=ranges, sensors=["s"] * 20, Ts_world_hand=np.array(sensors))
+    near = tanteo.PosePrior(T_world_part=SE3.exp(np.full(6, 5e-3)), covariance=np.diag([1e-4] * 3 + [1e-2] * 3))
+    answer = tanteo.locate(readings, block.part, rig=rig_of("mean"), priors=tanteo.Priors(pose=near))
+    assert answer.status != "recognized"
+    assert [one.mistake for one in answer.findings if one.kind == "response"] == ["response_nearest"]

@@ -61,6 +61,11 @@ class ConeRange(OnSurface):
         axis = np.asarray(self.approach)
         return float(np.sqrt(axis @ self.cov @ axis))
 
+    @property
+    def other_responses(self) -> tuple[str, ...]:
+        """Return the responses that predict one range and are not the stated one."""
+        return tuple(name for name, share in SHARES.items() if name != self.response and "of_rays" not in share)
+
     def log_on(self, surface: Surface, sd: float) -> float | None:
         """Return the log density of the range of a cone that hits a surface, from rays that fill the cone.
 

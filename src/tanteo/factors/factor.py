@@ -88,6 +88,11 @@ class Factor(ABC):
         return None
 
     @property
+    def other_responses(self) -> tuple[str, ...]:
+        """Return what the device may report if not what its rig states; empty for kinds with one meaning."""
+        return ()
+
+    @property
     def outward(self) -> Vectors | None:
         """Return an approximate outward direction if only the material side is known ``(3,)``; None otherwise."""
         return None

@@ -33,6 +33,7 @@ from tanteo.words.findings import (  # fmt: skip
     MirrorConvention,
     MirrorQuestion,
     OffsetQuestion,
+    ResponseConvention,
     ScaleQuestion,
     SharedEstimates,
     UnitsConvention,
@@ -51,6 +52,9 @@ class Query(Protocol):
     @property
     def rig(self) -> Rig | None:
         """Range sensors on the hand; None if there are none."""
+
+    def with_rig(self, rig: Rig) -> Query:
+        """Return the options with another rig."""
 
     def problem(self, readings: Readings, parts: Sequence[Part]) -> tuple[Problem, Candidates]:
         """Return the measurements and priors of the inference for other readings, and its candidate parts."""
@@ -115,6 +119,7 @@ def about_conventions(
     found = (
         found
         or _about_ways((*HANDS, *of_rig(question.rig)), some, parts, question, settings)
+        or _about_response(some, parts, question, settings)
         or _about_shared(answer, some, parts, question, settings)
         or _about_ways(others, some, parts, question, settings)
     )
@@ -148,6 +153,24 @@ def _about_ways(
         if found is not None and fits(found, settings):
             return way.finding(*_fitting(found), way.mistake)
     return None
+
+
+def _about_response(
+    readings: Readings, parts: Sequence[Part], question: Query, settings: Settings
+) -> ResponseConvention | None:
+    """Return the response of the devices with which the readings fit best, other than the stated one; None if none."""
+    rig = question.rig
+    if rig is None:
+        return None
+    factors, found = question.problem(readings, parts)[0].points.factors, list[tuple[float, Answer, str]]()
+    for response in dict.fromkeys(name for factor in factors for name in factor.other_responses):
+        meant = _answer_to(question.with_rig(rig.with_response(response)), readings, parts, settings)
+        if meant is not None and fits(meant, settings):
+            found.append((meant.unknown_probability, meant, response))
+    if not found:
+        return None
+    _, meant, response = min(found, key=lambda one: one[0])
+    return ResponseConvention(*_fitting(meant), f"response_{response}")
 
 
 def is_bad(answer: Answer, settings: Settings = DEFAULTS) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -138,6 +138,17 @@ class Rig(Value):
         for sensor in self.sensors:
             _check_unit(sensor, next(s for s in self.sensors if s.device == sensor.device))
         lock(self)
+
+    def with_response(self, response: str) -> Rig:
+        """Return the rig with another response of all sensors.
+
+        Args:
+            response: what the devices report of their cones, one of :data:`~tanteo.sensors.presets.RESPONSES`.
+
+        Raises:
+            InputError: the response is none of them.
+        """
+        return replace(self, sensors=tuple(replace(sensor, response=response) for sensor in self.sensors))
 
     def numbers(self, names: Sequence[str]) -> np.ndarray:
         """Return the index into ``sensors`` of every name; -1 for an empty name.

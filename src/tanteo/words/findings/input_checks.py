@@ -199,6 +199,14 @@ class HandConvention(Convention):
 
 
 @dataclass(frozen=True, slots=True)
+class ResponseConvention(Convention):
+    """The ranges fit if the devices report something else of their cones."""
+
+    kind: ClassVar[str] = "response"
+    subject: ClassVar[str] = "the response of the sensors in the rig"
+
+
+@dataclass(frozen=True, slots=True)
 class DirectionsConvention(Convention):
     """The directions fit by another convention."""
 

@@ -133,6 +133,8 @@ def _tried(one: f.Convention | f.OffsetQuestion | f.ScaleQuestion) -> str:
 _RIG = "Check the sensor's pose in the rig."
 _POSES = "Check the columns of the hand's pose."
 
+_RESPONSE = 'State response = "{}" in the rig, if the data sheet or a test over an edge confirms it.'
+
 _CONVENTIONS = {
     "quaternion_xyzw": ("the hand's quaternions are in the order x y z w", _POSES),
     "quaternion_wxyz": ("the hand's quaternions are in the order w x y z", _POSES),
@@ -151,6 +153,12 @@ _CONVENTIONS = {
         _RIG,
     ),
     "mount_quaternion_xyzw": ("the sensor's quaternion in the rig is in the order x y z w", _RIG),
+    "response_nearest": ("the device reports the nearest point in its cone", _RESPONSE.format("nearest")),
+    "response_mean": ("the device reports the mean over its cone", _RESPONSE.format("mean")),
+    "response_strongest": (
+        "the device reports the face that returns most of its cone",
+        _RESPONSE.format("strongest"),
+    ),
     "directions_reversed": (
         "the directions (dx, dy, dz) are reversed",
         "They have to point into the material, along the beam or the motion of the tip.",
