@@ -56,9 +56,20 @@ def test_outliers_on_a_plane_that_the_part_touches_are_named(block):
     answer = tanteo.locate(touches(np.r_[points, table], np.r_[directions, np.tile(down, (4, 1))]), block.part)
     (found,) = [one for one in answer.findings if one.kind == "plane_of_outliers"]
     assert set(found.readings) == {"21", "22", "23", "24"}
+    assert answer.status == "recognized"
     beside = table + np.c_[np.zeros((4, 2)), [0.02, 0, -0.03, 0.05]]
     answer = tanteo.locate(touches(np.r_[points, beside], np.r_[directions, np.tile(down, (4, 1))]), block.part)
     assert not any(one.kind == "plane_of_outliers" for one in answer.findings)
+
+
+def test_bare_points_on_a_plane_may_be_a_face_of_a_variant(block):
+    """Without approaches, readings beside a face may be on a larger face of another object."""
+    T, points, _ = scene(block, 20, 2)
+    low = SE3.apply(T, block.part.vertices)[:, 2].min()
+    table = np.c_[T[:2, 3] + 0.12 * np.array([[1, 1], [-1, 1], [0.5, -1], [1, -1]]), np.full(4, low)]
+    answer = tanteo.locate(touches(np.r_[points, table], None), block.part)
+    assert "plane_of_outliers" in [one.kind for one in answer.findings]
+    assert answer.status != "recognized"
 
 
 def test_a_part_on_a_table_prefers_its_stable_poses(block):

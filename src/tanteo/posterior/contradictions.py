@@ -6,6 +6,7 @@ readings decide only if a reading near it is on the same face.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -13,9 +14,10 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Vectors
+from tanteo.posterior.answers.pose_prior import Table
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
 from tanteo.posterior.outliers import beta_binomial_tail
-from tanteo.words.findings import OutlierOrVariant, OutliersOnPlane
+from tanteo.words.findings import OutlierOrVariant
 
 NEAR = 0.2
 """Extent of a small patch over the part's size: readings that cover less may fit several places. A reading on the part
@@ -28,8 +30,23 @@ _SIMILAR = 0.5
 """Numerical: cosine between approaches to one face; those to adjacent faces of a box are perpendicular."""
 
 
-def plane_of_outliers(one: GoodnessOfFit, corner_sd: float) -> tuple[OutliersOnPlane | None, BoolArray]:
-    """Return the finding that outliers lie on a plane that the part touches from one side, and which do ``(n,)``.
+@dataclass(frozen=True, slots=True, eq=False)
+class PlaneBeside:
+    """Plane beside the part on which outliers lie.
+
+    Attributes:
+        table: the plane; its normal points to the part.
+        rows: mask of the outliers on it ``(n,)``.
+        is_certain: whether it cannot be a face of the object: the part touches it, and all approaches are known.
+    """
+
+    table: Table
+    rows: BoolArray
+    is_certain: bool
+
+
+def plane_of_outliers(one: GoodnessOfFit, corner_sd: float) -> PlaneBeside | None:
+    """Return the plane of outliers that the part touches from one side; None if there is none.
 
     Three points lie on a plane always. It is a table or a jaw if the whole part is on one side of it and touches it,
     and all known approaches come from that side. With four points or more the part need not touch it.
@@ -39,9 +56,9 @@ def plane_of_outliers(one: GoodnessOfFit, corner_sd: float) -> tuple[OutliersOnP
         corner_sd: largest standard deviation of a corner of the part [m].
     """
     problem, rows = one.mode.objective.problem, np.flatnonzero(one.outliers)
-    best = np.zeros(len(one.outliers), dtype=np.bool_)
+    best: PlaneBeside | None = None
     if len(rows) < 3:
-        return None, best
+        return None
     points, gate = problem.points, problem.settings.search.gate
     places = points.points[rows] + points.radii[rows, None] * points.inward[rows]
     vertices = SE3.apply(one.mode.T_peak, one.mode.prepared.part.vertices)
@@ -57,12 +74,13 @@ def plane_of_outliers(one: GoodnessOfFit, corner_sd: float) -> tuple[OutliersOnP
         from_above = ~points.directed[rows] | (points.directions[rows] @ normal < 0)
         limit = float(slack.max())
         is_beside = heights.min() > -limit and bool(from_above[on].all())
-        if is_beside and (heights.min() < limit or on.sum() > 3) and on.sum() > best.sum():
-            best = np.zeros(len(best), dtype=np.bool_)
-            best[rows[on]] = True
-    if not best.any():
-        return None, best
-    return OutliersOnPlane(tuple(points.ids[k] for k in np.flatnonzero(best)), len(best)), best
+        touches = bool(heights.min() < limit)
+        if is_beside and (touches or on.sum() > 3) and (best is None or on.sum() > best.rows.sum()):
+            found = np.zeros(len(one.outliers), dtype=np.bool_)
+            found[rows[on]] = True
+            table = Table(middle, normal, float(np.median(points.sd[rows[on]])))
+            best = PlaneBeside(table, found, touches and bool(points.directed[rows[on]].all()))
+    return best
 
 
 def _normal(places: Vectors, slack: FloatArray) -> Vectors | None:

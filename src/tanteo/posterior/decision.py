@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.factors import ContactPoints
 from tanteo.features import SharedError
 from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.typing import BoolArray
@@ -17,7 +18,7 @@ from tanteo.posterior.answers.results import Hypothesis, Status
 from tanteo.posterior.answers.status import verdict
 from tanteo.posterior.candidate_pruning import Active
 from tanteo.posterior.candidates import Candidates
-from tanteo.posterior.contradictions import NEAR, outlier_or_variant, plane_of_outliers
+from tanteo.posterior.contradictions import NEAR, PlaneBeside, outlier_or_variant
 from tanteo.posterior.diagnostics import (
     against_labels,
     face_elsewhere,
@@ -42,6 +43,7 @@ from tanteo.words.findings import (
     NotSearched,
     OneRegion,
     OnOtherSide,
+    OutliersOnPlane,
     PriorContradicted,
     SharedErrorLimits,
     TooCoarse,
@@ -69,6 +71,7 @@ class Outcome:
         check: agreement of the prior pose with the measurements.
         worst: the reading that contradicts the best hypothesis most; None if no reading is far off.
         unstated: the finding that unstated errors limit the answer; None if they do not.
+        plane: plane beside the part on which outliers lie; None if there is none.
     """
 
     candidates: Candidates
@@ -80,6 +83,7 @@ class Outcome:
     check: PriorCheck
     worst: WorstReading | None
     unstated: SharedErrorLimits | None = None
+    plane: PlaneBeside | None = None
 
 
 def verdict_of(
@@ -114,8 +118,10 @@ def verdict_of(
         status, findings = "insufficient", (coarse,)
     more: list[Finding | None] = []
     if found and hypotheses:
-        plane, explained = plane_of_outliers(found[0], hypotheses[0].corner_sd)
-        more.append(plane)
+        explained = np.zeros(len(posterior.problem.points), dtype=np.bool_)
+        if outcome.plane is not None:
+            explained = outcome.plane.rows
+            more.append(outliers_on_plane(posterior.problem.points, outcome.plane))
         if status == "recognized":
             status, findings = _doubted(findings, found[0], priors, explained)
     if hypotheses and status == "recognized":
@@ -148,6 +154,16 @@ def _known_after_all(
     if hypotheses and mostly_on(hypotheses[0], posterior.unknown):
         return "unknown", (mostly_on_part(hypotheses[0], posterior.unknown),)
     return "unknown", findings
+
+
+def outliers_on_plane(points: ContactPoints, plane: PlaneBeside) -> OutliersOnPlane:
+    """Return the finding that outliers lie on a plane beside the part.
+
+    Args:
+        points: the measurements.
+        plane: the plane.
+    """
+    return OutliersOnPlane(tuple(points.ids[k] for k in np.flatnonzero(plane.rows)), len(points))
 
 
 def _on_other_side(one: GoodnessOfFit, best: Hypothesis, table: Table) -> OnOtherSide | None:

@@ -13,13 +13,15 @@ from tanteo.features import SharedError
 from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
+from tanteo.posterior.answers.furniture import Furniture
 from tanteo.posterior.answers.pose_prior import PosePrior
 from tanteo.posterior.answers.priors import Priors, sized
 from tanteo.posterior.answers.question import Clock, check_question
 from tanteo.posterior.answers.results import Answer, Hypothesis
 from tanteo.posterior.candidate_pruning import Active, Unsearched, screen
 from tanteo.posterior.candidates import Candidates
-from tanteo.posterior.decision import Outcome, verdict_of
+from tanteo.posterior.contradictions import plane_of_outliers
+from tanteo.posterior.decision import Outcome, outliers_on_plane, verdict_of
 from tanteo.posterior.dominant_error import unstated_errors_limit
 from tanteo.posterior.fit_at_mode import GoodnessOfFit, goodness_of_fit
 from tanteo.posterior.furniture_points import without_pose
@@ -32,6 +34,9 @@ from tanteo.posterior.result import as_hypothesis, worst_reading
 from tanteo.posterior.sampling.modes import Mode
 from tanteo.posterior.settings import DEFAULTS, Settings
 from tanteo.sensors.error_states import UnstatedError
+
+_BESIDE = "unstated plane"
+"""Name of a table or jaw that the user did not state."""
 
 
 def identify_points(
@@ -79,6 +84,16 @@ def identify_points(
     chosen, posterior = _searched(problem, candidates, odds, seed, clock)
     found, hypotheses = _located(posterior, problem.priors.pose, top, unstated)
     clock.lap("locate")
+    plane = plane_of_outliers(found[0], hypotheses[0].corner_sd) if found and hypotheses else None
+    if plane is not None and plane.is_certain and posterior.unknown > NOTABLE:
+        # a table or a jaw explains its readings for every object: they are no evidence against the part
+        beside = replace(Furniture.of_table(plane.table, plane.table.point, problem.priors.radius), name=_BESIDE)
+        known = replace(problem.priors, furniture=(*problem.priors.furniture, beside))
+        answer = identify_points(
+            points, rays, parts, shared=shared, significance=significance, top=top, priors=known, factors=factors,
+            seed=seed, settings=settings, unstated=unstated,
+        )  # fmt: skip
+        return answer.adding(outliers_on_plane(points, plane))
     worst = worst_reading(points, found[0]) if found else None
     alone = replace(posterior.problem, priors=without_pose(points, problem.priors))
     check = check_prior(
@@ -97,7 +112,7 @@ def identify_points(
         without = as_hypothesis(points, found[0], problem.priors.pose if check.other is None else None).corner_sd
         limit = unstated_errors_limit(hypotheses[0], without, settings.checks.limiting_share)
     shown = check.other or posterior
-    outcome = Outcome(candidates, chosen, posterior, shown.modes, found, hypotheses, check, worst, limit)
+    outcome = Outcome(candidates, chosen, posterior, shown.modes, found, hypotheses, check, worst, limit, plane)
     status, findings = verdict_of(outcome, significance, shared)
     return Answer(
         status, findings, hypotheses, posterior.unknown, clock.laps(), seed, significance=significance,
