@@ -37,6 +37,7 @@ def test_a_plan_as_text_csv_and_json(run, tmp_path):
     assert document["covariance"]["frame"] == "part"
     last = document["readings"][-1]
     assert 0.95 <= document["within_tolerance"] == last["within_tolerance"] <= last["within_tolerance_if_met"]
+    assert 0.5 < document["within_tolerance_assumed"] < document["within_tolerance"]
     assert last["within_tolerance"] == pytest.approx(float(rows[-1]["within_tolerance"]), abs=1e-4)
     assert last["within_tolerance_if_met"] == pytest.approx(float(rows[-1]["within_tolerance_if_met"]), abs=1e-4)
     assert last["meets_face"] == pytest.approx(float(rows[-1]["meets_face"]), abs=1e-4)

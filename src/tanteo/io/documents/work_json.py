@@ -11,6 +11,7 @@ import numpy as np
 
 from tanteo import __version__
 from tanteo.io.documents.result_json import covariance_document, document_json, finding_document
+from tanteo.words.findings import PlanResult
 
 if TYPE_CHECKING:
     from tanteo.features import Feature
@@ -101,6 +102,7 @@ def plan_json(plan: Plan, *, tolerance: float, confidence: float, program: str |
     """
     more = {} if program is None else {"program": program}
     last = plan.readings[-1] if plan.readings else None
+    assumed = next((one.within_assumed for one in plan.findings if isinstance(one, PlanResult)), None)
     own = {} if plan.feature is None else {"feature_sd_m"}
     rows = [
         {
@@ -116,7 +118,8 @@ def plan_json(plan: Plan, *, tolerance: float, confidence: float, program: str |
         "message": plan.message, "tolerance_m": tolerance, "confidence": confidence,
         "pose": {"frame": "world", "matrix": plan.T_world_part}, "feature": plan.feature,
         "feature_sd_before_m" if own else "corner_sd_before_m": float(plan.before), "readings": rows,
-        "within_tolerance": None if last is None else float(last.within), "all_meet": float(plan.all_meet),
+        "within_tolerance": None if last is None else float(last.within), "within_tolerance_assumed": assumed,
+        "all_meet": float(plan.all_meet),
         "room": float(plan.all_clear), "covariance": None if last is None else covariance_document(last.covariance),
         **more,
     }, indent=1)  # fmt: skip
