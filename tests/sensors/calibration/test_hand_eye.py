@@ -55,6 +55,12 @@ def test_a_fixed_camera_is_the_same_with_inverted_poses(rng):
     np.testing.assert_allclose(SE3.inverse(fixed.T_next), hand.T_next, atol=1e-12)
 
 
+def test_few_clean_samples_are_rarely_excluded(rng):
+    """With six samples the estimate follows each of them, and the variances are estimated with few deviations."""
+    lost = sum(not calibrate_hand_eye(*scene(rng, 6)[:2]).used.all() for _ in range(120))
+    assert lost < 24
+
+
 @pytest.mark.parametrize("trials", [40, pytest.param(150, marks=pytest.mark.slow)])
 def test_the_covariance_is_that_of_the_errors(rng, trials):
     """NEES over many calibrations with estimated noise, within 4 standard errors of chi-square."""

@@ -8,11 +8,13 @@ With ``A = T_base_hand`` for a camera on the hand, and its inverse for a fixed c
 where ``X`` is the pose of the camera in the frame that carries it and ``Y`` that of the target in the other frame. Both
 are estimated by maximum likelihood from the deviations of the observed from the predicted target poses. The standard
 deviations of an observation across and along the optical axis and of its rotation are estimated, too, as variance
-components, so nothing needs to be stated. Samples that contradict the others are excluded by a chi-square test.
+components, so nothing needs to be stated. Samples that contradict the others are excluded by a test
+that includes the error of the estimated variances.
 
 Sources: Shah (2013), Solving the robot-world/hand-eye calibration problem using the Kronecker product, J. Mechanisms
 and Robotics 5(3), for the start; Strobl and Hirzinger (2006), Optimal hand-eye calibration, IROS, for the weights; Chen
-(1991), A screw motion approach to uniqueness analysis of head-eye geometry, CVPR, for the unobserved motions.
+(1991), A screw motion approach to uniqueness analysis of head-eye geometry, CVPR, for the unobserved motions; Cook and
+Weisberg (1982), Residuals and Influence in Regression, for the excluded samples.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import beta, f
 
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3, check_transforms, maximize
@@ -42,6 +44,9 @@ _PASSES = 30
 
 _LEVEL = 0.01
 """Probability that a set of samples without outliers loses a sample."""
+
+_FOLLOWED = 1e-9
+"""Numerical: variance of a deviation, over that of a sample, below which the estimate follows the sample entirely."""
 
 _FLOOR = 1e-6, 1e-6, 1e-6
 """Smallest standard deviations of the components: across, along the axis [m], rotation [rad]. Files round there."""
@@ -151,7 +156,7 @@ def calibrate_hand_eye(
     sds = _robust_sds(A, B, X, Y)
     for _ in range(len(A)):
         X, Y, sds, C = _fitted(A[used], B[used], X, Y, sds)
-        kept = _consistent(A, B, X, Y, sds, C, used)
+        kept = _consistent(A, B, X, Y, sds, used)
         if np.array_equal(kept, used) or kept.sum() < _LEAST:
             break
         used = kept
@@ -294,29 +299,39 @@ def _rotation_of(M: FloatArray) -> FloatArray:
 
 
 def _consistent(
-    A: Transforms, B: Transforms, X: Transforms, Y: Transforms, sds: FloatArray, C: Covariances, used: BoolArray
+    A: Transforms, B: Transforms, X: Transforms, Y: Transforms, sds: FloatArray, used: BoolArray
 ) -> BoolArray:
-    """Return the samples that agree with the others: one more or one fewer than before at a time, by a chi-square test.
+    """Return the samples that agree with the others: one more or one fewer than before at a time.
 
-    The deviation of a used sample has the covariance ``S - J C J'``, of an excluded one ``S + J C J'``.
+    Let ``S`` be the covariance of a sample, ``J`` its derivatives, ``C`` the inverse information of the used samples.
+    A used sample has pulled the estimate towards itself: its deviation has the covariance ``S - J C J'``. That of an
+    excluded one is independent of the estimate and has ``S + J C J'``. The variances are estimated, for a used sample
+    with its own deviation. With ``v`` degrees of freedom and ``T`` the sum of ``k`` squared normalized deviations,
+    ``T / v`` then has the distribution Beta(k / 2, (v - k) / 2), and never exceeds 1. For an excluded sample ``T / k``
+    has Fisher's F(k, v) (Cook and Weisberg 1982, chapter 2). Both are exact if the ratios of the variance components
+    are known.
     """
     J, r = _jacobians(A, X, Y), _deviations(A, B, X, Y)
+    variance = _per_row(sds) ** 2
+    C = _inverse(np.einsum("nij,i,nik->jk", J[used], 1 / variance, J[used]))
     spread = np.einsum("nij,jk,nlk->nil", J, C, J)
-    S = np.diag(_per_row(sds) ** 2)
     sign = np.where(used, -1.0, 1.0)[:, None, None]
-    total = S + sign * spread
-    values, vectors = np.linalg.eigh(total / np.sqrt(np.outer(np.diag(S), np.diag(S))))
-    whitened = np.einsum("nij,ni->nj", vectors, r / _per_row(sds))
-    squared = np.sum(whitened**2 / np.maximum(values, 0.1), axis=1)
-    limit = float(chi2.isf(_LEVEL / len(A), 6))
-    kept = used.copy()
-    worst = int(np.argmax(np.where(used, squared, -1.0)))
-    if squared[worst] > limit:
+    leverage = np.einsum("nii,i->n", spread[used], 1 / variance)
+    k, v = 6, 6 * int(used.sum()) - float(leverage.sum())
+    values, vectors = np.linalg.eigh((np.diag(variance) + sign * spread) / np.sqrt(np.outer(variance, variance)))
+    along = np.einsum("nij,ni->nj", vectors, r / np.sqrt(variance))
+    # a direction in which the estimate follows a sample entirely has no evidence
+    squared = np.sum(np.where(values > _FOLLOWED, along**2 / np.maximum(values, _FOLLOWED), 0.0), axis=1)
+    inner = beta.logsf(np.minimum(squared / v, 1.0), k / 2, max(v - k, 1.0) / 2)
+    log_p = np.where(used, inner, f.logsf(squared / k, k, v))
+    limit, kept = float(np.log(_LEVEL / len(A))), used.copy()
+    worst = int(np.argmin(np.where(used, log_p, np.inf)))
+    if log_p[worst] < limit:
         kept[worst] = False
         return kept
-    back = np.where(used, np.inf, squared)
-    if not used.all() and back.min() < 0.7 * limit:
-        kept[int(np.argmin(back))] = True
+    back = np.where(used, -np.inf, log_p)
+    if not used.all() and back.max() > 0.7 * limit:
+        kept[int(np.argmax(back))] = True
     return kept
 
 
