@@ -165,7 +165,8 @@ class Intake:
         self._forget(now)
         if not self._waiting or now - self._begun < self.patience.start:
             return None
-        known = self._placed(now)
+        recent = self._recent(self._waiting)
+        known = self._placed(recent, now)
         ready = [one for one, is_known in zip(self._waiting, known, strict=True) if is_known]
         late = [now - one.came > self.patience.transform for one in self._waiting]
         lost = sum(is_late and not is_known for is_late, is_known in zip(late, known, strict=True))
@@ -174,11 +175,10 @@ class Intake:
             one for one, k, is_late in zip(self._waiting, known, late, strict=True) if not k and not is_late
         ]
         self._waiting_rows = {one.row for one in self._waiting}
-        return self._readings(ready) if ready else None
+        return self._readings(ready, recent) if ready else None
 
-    def _placed(self, now: float) -> list[bool]:
+    def _placed(self, recent: io.documents.RosMessages, now: float) -> list[bool]:
         """Return flags of the waiting rows whose frame is known; an unknown frame does not delay the others."""
-        recent = self._recent(self._waiting)
         tree = recent.tree()
         known = [False] * len(self._waiting)
         for frame in dict.fromkeys(one.row.frame for one in self._waiting):
@@ -218,11 +218,10 @@ class Intake:
             )
         return place.known.tolist()
 
-    def _readings(self, ready: list[Waiting]) -> Readings:
+    def _readings(self, ready: list[Waiting], heard: io.documents.RosMessages) -> Readings:
         of_topic: dict[str, list[io.documents.Row]] = {}
         for one in ready:
             of_topic.setdefault(one.topic, []).append(one.row)
-        heard = self._recent(ready)
         poses = {topic: rows for topic, rows in heard.rows.items() if heard.kinds[topic] == io.documents.POSE}
         batch = io.documents.RosMessages(heard.samples, heard.static, poses | of_topic, heard.kinds)
         topics = replace(self.options, topics=())

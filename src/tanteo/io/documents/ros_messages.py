@@ -181,8 +181,9 @@ class RosMessages:
         """
         samples = {}
         for key, known in self.samples.items():
-            older = [one for one in known if one[0] < moment]
-            samples[key] = older[-1:] + [one for one in known if one[0] >= moment]
+            newer = [one for one in known if one[0] >= moment]
+            last = next((one for one in reversed(known) if one[0] < moment), None)
+            samples[key] = newer if last is None else [last, *newer]
         rows = {topic: [row for row in known if row.stamp >= moment] for topic, known in self.rows.items()}
         overlaps = [one for one in self.overlaps if one[1] >= moment]
         return RosMessages(
