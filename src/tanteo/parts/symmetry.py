@@ -62,15 +62,17 @@ class SymmetryProbe:
         most = np.array([np.inf if face.surface != "freeform" else FREEFORM_SLACK for face in part.faces])
         slacks = np.minimum([face.sagitta for face in part.faces], most * part.diagonal)
         sagitta = slacks[part.triangle_face]
-        centres = part.vertices[part.triangles].mean(axis=1)
         at_vertex = np.zeros(len(part.vertices))
-        np.maximum.at(at_vertex, part.triangles.reshape(-1), sagitta.repeat(3))
-        points = np.concatenate([part.vertices, centres])
-        slack = np.concatenate([at_vertex, sagitta])
-        if len(points) > PROBES:
-            chosen = np.random.default_rng(0).choice(len(points), PROBES, replace=False)
-            points = points[chosen]
-            slack = slack[chosen]
+        for corners in part.triangles.T:
+            np.maximum.at(at_vertex, corners, sagitta)
+        count = len(part.vertices)
+        chosen = np.arange(count + len(part.triangles))
+        if len(chosen) > PROBES:
+            chosen = np.random.default_rng(0).choice(len(chosen), PROBES, replace=False)
+        points, slack = np.zeros((len(chosen), 3)), np.concatenate([at_vertex, sagitta])[chosen]
+        of_vertices = chosen < count
+        points[of_vertices] = part.vertices[chosen[of_vertices]]
+        points[~of_vertices] = part.vertices[part.triangles[chosen[~of_vertices] - count]].mean(axis=1)
         surface = Surface(part.vertices, part.triangles)
         return SymmetryProbe(part, surface, points, slack, slacks, TOLERANCE * part.diagonal)
 
@@ -213,13 +215,19 @@ def _off(where: FloatArray, point: FloatArray, direction: FloatArray) -> float:
     return float(np.linalg.norm(np.cross(where - point, direction)))
 
 
+_BLOCK = 50_000
+"""Numerical: number of triangles that are summed at a time, which bounds the memory."""
+
+
 def _inertia_axis(part: Part) -> FloatArray | None:
     """Return the axis of a surface whose two other principal moments are equal; None if there is none."""
-    a, b, c = (part.vertices[part.triangles[:, k]] - part.centroid for k in range(3))
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
-    sums = a + b + c
-    moments = sum(np.einsum("t,ti,tj->ij", areas, v, v) for v in (a, b, c, sums))
-    values, vectors = np.linalg.eigh(np.asarray(moments))
+    moments = np.zeros((3, 3))
+    for start in range(0, len(part.triangles), _BLOCK):
+        corners = part.vertices[part.triangles[start : start + _BLOCK]] - part.centroid
+        a, b, c = corners.transpose(1, 0, 2)
+        areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+        moments += sum((v * areas[:, None]).T @ v for v in (a, b, c, a + b + c))
+    values, vectors = np.linalg.eigh(moments)
     gaps = np.diff(values) / values[2]
     if gaps.min() > 0.01 or gaps.max() < 0.01:
         return None

@@ -80,6 +80,35 @@ nb::ndarray<nb::numpy, int64_t> near(Doubles points, double distance) {
     return array_of(std::move(pairs), {found, 2});
 }
 
+nb::ndarray<nb::numpy, double> angles(Doubles normals, Starts left, Starts right) {
+    const size_t known = expect(normals, "normals", {ANY, 3}), count = left.size();
+    if (right.size() != count) refuse("right", "expected as many rows as in left");
+    expect_rows(left, "left", known);
+    expect_rows(right, "right", known);
+    std::vector<double> out(count);
+    angles_between(normals.data(), left.data(), right.data(), count, out.data());
+    return list_of(std::move(out));
+}
+
+nb::ndarray<nb::numpy, double> longest(Doubles vertices, Starts triangles) {
+    const size_t known = expect(vertices, "vertices", {ANY, 3}), count = triangles.size() / 3;
+    if (triangles.size() % 3) refuse("triangles", "expected three corners each");
+    expect_rows(triangles, "triangles", known);
+    std::vector<double> out(count);
+    longest_sides(vertices.data(), triangles.data(), count, out.data());
+    return list_of(std::move(out));
+}
+
+nb::tuple middles(Doubles vertices, Starts triangles, Doubles origin) {
+    const size_t known = expect(vertices, "vertices", {ANY, 3}), count = triangles.size() / 3;
+    if (triangles.size() % 3) refuse("triangles", "expected three corners each");
+    expect_rows(triangles, "triangles", known);
+    expect(origin, "origin", {3});
+    std::vector<double> all(3 * count), volumes(count);
+    middles_and_volumes(vertices.data(), triangles.data(), count, origin.data(), all.data(), volumes.data());
+    return nb::make_tuple(array_of(std::move(all), {count, 3}), list_of(std::move(volumes)));
+}
+
 nb::tuple weld(Floats corners) {
     const size_t count = corners.size() / 3;
     if (corners.size() % 3 || count > (size_t(1) << 31)) refuse("corners", "expected less than 2e9 rows of three numbers");
@@ -109,9 +138,12 @@ nb::tuple normals_and_areas(Doubles vertices, Starts triangles) {
 
 void offer_meshes(nb::module_& m) {
     using namespace nb::literals;
+    m.def("angles_between", &angles, "normals"_a, "left"_a, "right"_a);
     m.def("components", &connected, "count"_a, "first"_a, "second"_a);
     m.def("edge_table", &edge_table, "triangles"_a, "vertices"_a);
     m.def("key_sets", &key_sets, "keys"_a);
+    m.def("longest_sides", &longest, "vertices"_a, "triangles"_a);
+    m.def("middles_and_volumes", &middles, "vertices"_a, "triangles"_a, "origin"_a);
     m.def("near_pairs", &near, "points"_a, "distance"_a);
     m.def("simplify", &simplified, "vertices"_a, "triangles"_a, "faces"_a, "tolerance"_a, "tilt"_a);
     m.def("triangle_geometry", &normals_and_areas, "vertices"_a, "triangles"_a);

@@ -202,4 +202,30 @@ void triangle_geometry(const double* vertices, const int64_t* triangles, size_t 
     }
 }
 
+void angles_between(const double* normals, const int64_t* left, const int64_t* right, size_t count, double* angles) {
+    for (size_t k = 0; k < count; ++k) {
+        const Vec3 a = load(normals + 3 * left[k]), b = load(normals + 3 * right[k]);
+        angles[k] = std::atan2(norm(cross(a, b)), dot(a, b));
+    }
+}
+
+void longest_sides(const double* vertices, const int64_t* triangles, size_t count, double* lengths) {
+    for (size_t t = 0; t < count; ++t) {
+        Vec3 p[3];
+        for (int j = 0; j < 3; ++j) p[j] = load(vertices + 3 * triangles[3 * t + j]);
+        lengths[t] = std::sqrt(std::max({squared(p[1] - p[0]), squared(p[2] - p[1]), squared(p[0] - p[2])}));
+    }
+}
+
+void middles_and_volumes(const double* vertices, const int64_t* triangles, size_t count, const double* origin,
+                         double* middles, double* volumes) {
+    const Vec3 from = load(origin);
+    for (size_t t = 0; t < count; ++t) {
+        Vec3 p[3];
+        for (int j = 0; j < 3; ++j) p[j] = load(vertices + 3 * triangles[3 * t + j]);
+        for (int k = 0; k < 3; ++k) middles[3 * t + k] = (p[0][k] + p[1][k] + p[2][k]) / 3;
+        volumes[t] = dot(p[0] - from, cross(p[1] - from, p[2] - from)) / 6;
+    }
+}
+
 }  // namespace tanteo

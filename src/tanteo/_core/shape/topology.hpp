@@ -31,6 +31,16 @@ std::vector<int64_t> near_pairs(const double* points, size_t count, double dista
 // to `different`; -0 equals 0.
 std::vector<int64_t> welded(const float* rows, size_t count, std::vector<double>& different);
 
+// Angle between the normals of the triangles at each pair of rows.
+void angles_between(const double* normals, const int64_t* left, const int64_t* right, size_t count, double* angles);
+
+// Length of the longest side of each triangle.
+void longest_sides(const double* vertices, const int64_t* triangles, size_t count, double* lengths);
+
+// Middle of each triangle, and the volume of the tetrahedron of each with an origin, positive in front of the origin.
+void middles_and_volumes(const double* vertices, const int64_t* triangles, size_t count, const double* origin,
+                         double* middles, double* volumes);
+
 // Unit normals, zero for a triangle without area, and areas.
 void triangle_geometry(const double* vertices, const int64_t* triangles, size_t count, double* normals, double* areas);
 

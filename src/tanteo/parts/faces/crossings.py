@@ -28,9 +28,9 @@ def crossings(vertices: FloatArray, triangles: IntArray) -> int:
     Returns:
         At least one if some edge clearly crosses a triangle; 0 for very large meshes.
     """
-    ends = mesh_edges(triangles).ends
-    if len(ends) > MOST:
+    if 3 * len(triangles) > 2 * MOST:  # an edge has two triangles at most
         return 0
+    ends = mesh_edges(triangles).ends
     surface = Surface(vertices, triangles)
     slack = CLEAR * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     a = vertices[ends[:, 0]]

@@ -85,9 +85,13 @@ def _segments(draft: Draft, faces: tuple[Face, ...], edges: MeshEdges) -> _Segme
 
 def _normals_at(draft: Draft, faces: tuple[Face, ...], owners: IntArray, ends: IntArray) -> FloatArray:
     """Return outward normals of the faces ``owners`` at the midpoints of the mesh edges ``ends`` ``(N, 3)``."""
-    normals, areas = triangle_geometry(draft.vertices, draft.triangles)
     count = len(draft.vertices)
-    keys = (draft.triangle_face[:, None] * count + draft.triangles).reshape(-1)
+    at_edges = np.zeros(count, dtype=np.bool_)
+    at_edges[ends] = True
+    rows = at_edges[draft.triangles].any(axis=1)
+    triangles = draft.triangles[rows]
+    normals, areas = triangle_geometry(draft.vertices, triangles)
+    keys = (draft.triangle_face[rows, None] * count + triangles).reshape(-1)
     known, index = np.unique(keys, return_inverse=True)
     weighted = np.repeat(normals * areas[:, None], 3, axis=0)
     summed = np.stack([np.bincount(index.reshape(-1), weighted[:, k]) for k in range(3)], axis=1)

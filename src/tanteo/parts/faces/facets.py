@@ -7,13 +7,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
-from tanteo.parts.readers.topology import MeshEdges, compacted, components, triangle_geometry, unique_rows
+from tanteo.parts.readers.topology import (
+    MeshEdges,
+    angles_between,
+    compacted,
+    components,
+    longest_sides,
+    middles_and_volumes,
+    triangle_geometry,
+    unique_rows,
+)
 
 FLOAT32 = 1.2e-7
 """Relative rounding error of a coordinate in single precision."""
 
 _FLAT_ANGLE = 2e-3
 """Angle between triangles below which they lie in one plane [rad]."""
+
+
+_BLOCK = 100_000
+"""Numerical: number of links that are compared at a time, which bounds the memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +69,7 @@ def find_facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> 
     count = int(labels.max()) + 1
     total: FloatArray = np.bincount(labels, areas, count).astype(np.float64)
     summed = np.stack([np.bincount(labels, areas * normals[:, k], count) for k in range(3)], axis=1)
-    middle = vertices[triangles].mean(axis=1)
+    middle, _ = middles_and_volumes(vertices, triangles, np.zeros(3))
     centres = np.stack([np.bincount(labels, areas * middle[:, k], count) for k in range(3)], axis=1)
     facet_normals = summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-300)
     facet_centres = centres / np.maximum(total, 1e-300)[:, None]
@@ -69,13 +82,13 @@ def find_facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> 
     rows, index = unique_rows(pairs)
     links = pairs[rows]
     lengths: FloatArray = np.bincount(index, sides, len(links)).astype(np.float64)
-    first = facet_normals[links[:, 0]]
-    second = facet_normals[links[:, 1]]
-    sines = np.linalg.norm(np.cross(first, second), axis=1)
-    angles = np.arctan2(sines, np.einsum("ni,ni->n", first, second))
+    angles = angles_between(facet_normals, links[:, 0], links[:, 1])
     # Convex where each facet lies behind the other's plane.
-    ahead = facet_centres[links[:, 1]] - facet_centres[links[:, 0]]
-    convex = np.einsum("ni,ni->n", first - second, ahead) < 0.0
+    convex = np.zeros(len(links), dtype=np.bool_)
+    for start in range(0, len(links), _BLOCK):
+        a, b = links[start : start + _BLOCK].T
+        ahead = facet_centres[b] - facet_centres[a]
+        convex[start : start + _BLOCK] = np.einsum("ni,ni->n", facet_normals[a] - facet_normals[b], ahead) < 0.0
     counts = np.bincount(labels, minlength=count)
     return MeshFacets(labels, facet_normals, total, facet_centres, counts, links, angles, lengths, convex)
 
@@ -84,16 +97,12 @@ def _flat_components(
     vertices: FloatArray, triangles: IntArray, edges: MeshEdges, normals: FloatArray, areas: FloatArray
 ) -> IntArray:
     """Label connected triangles in one plane; slivers join the adjacent triangle in whose plane they lie."""
-    corners = vertices[triangles]
-    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-    heights = 2.0 * areas / np.maximum(sides.max(axis=1), 1e-300)
+    heights = 2.0 * areas / np.maximum(longest_sides(vertices, triangles), 1e-300)
     noise = FLOAT32 * np.abs(vertices).max()
     blur = noise / np.maximum(heights, 1e-300)
     sliver = blur > 0.02
-    cosines = np.einsum("ni,ni->n", normals[edges.left], normals[edges.right])
-    sines = np.linalg.norm(np.cross(normals[edges.left], normals[edges.right]), axis=1)
     allowed = _FLAT_ANGLE + 2.0 * np.maximum(blur[edges.left], blur[edges.right])
-    flat = (np.arctan2(sines, cosines) < allowed) & ~sliver[edges.left] & ~sliver[edges.right]
+    flat = (angles_between(normals, edges.left, edges.right) < allowed) & ~sliver[edges.left] & ~sliver[edges.right]
     labels = components(len(triangles), edges.left[flat], edges.right[flat])
     # A chain of small angles can follow a rounding: a component that is not flat is split into single triangles.
     mean = np.stack([np.bincount(labels, areas * normals[:, k]) for k in range(3)], axis=1)

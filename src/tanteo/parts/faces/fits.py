@@ -21,6 +21,10 @@ CORNER_TOLERANCE = 0.1
 _ENOUGH = 200
 """Largest number of corners used to fit a cone."""
 
+_MANY, _SOME, _LOOSER = 50_000, 5_000, 10.0
+"""Number of facets above which about so many of them are fitted first, to a multiple of the precision: it rejects free
+forms of very many facets in milliseconds."""
+
 _LEAST = 6
 """Smallest number of corners for a fit: three generators of a cylinder."""
 
@@ -78,6 +82,11 @@ def fit_curved(
         Kind and fields of :class:`Face` that describe it; ``freeform`` without fields if no simple surface passes
         through all corners.
     """
+    if len(centres) > _MANY:  # what does not fit some of the facets does not fit all of them
+        some, few = (np.arange(0, n, 1 + n // _SOME) for n in (len(corners), len(centres)))
+        found = fit_curved(corners[some], between[some], centres[few], normals[few], areas[few], _LOOSER * precision)
+        if found[0] == "freeform":
+            return found
     for on in (np.ones(len(corners), dtype=bool), between):
         if np.count_nonzero(on) < _LEAST:
             break

@@ -21,7 +21,7 @@ from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.parts.faces.elements import SurfaceKind
 from tanteo.parts.faces.facets import FLOAT32, MeshFacets, find_facets
 from tanteo.parts.faces.fits import fit_curved
-from tanteo.parts.readers.topology import Draft, MeshEdges, compacted, components, mesh_edges, unique_rows
+from tanteo.parts.readers.topology import Draft, MeshEdges, compacted, components, mesh_edges
 
 SMOOTH_ANGLE = np.deg2rad(30.0) - 1e-4
 """Angle between facets below which they belong to one curved surface [rad]."""
@@ -148,7 +148,7 @@ def _named(
     fitted: dict[int, tuple[SurfaceKind, dict[str, Any]]] = {}
     following = int(runs.max()) + 1
     whole = float(facets.areas.sum())
-    for run in np.unique(runs[runs >= 0]):
+    for run in compacted(runs[runs >= 0])[0]:
         members = np.flatnonzero(runs == run)
         kind, fields = _fit(vertices, triangles, facets, members)
         if kind != "freeform":
@@ -169,14 +169,14 @@ def _named(
     groups[alone] = following + np.flatnonzero(alone)
     first = np.full(len(groups), len(triangles))
     np.minimum.at(first, facets.of_triangle, np.arange(len(triangles)))
-    names, index = np.unique(groups, return_inverse=True)
+    names, index = compacted(groups)
     lowest = np.full(len(names), len(triangles))
-    np.minimum.at(lowest, index.reshape(-1), first)
+    np.minimum.at(lowest, index, first)
     order = np.argsort(lowest)
     rank = np.empty(len(names), dtype=np.int64)
     rank[order] = np.arange(len(names))
     plane: tuple[SurfaceKind, dict[str, Any]] = ("plane", {})
-    return rank[index.reshape(-1)], tuple(fitted.get(int(names[i]), plane) for i in order)
+    return rank[index], tuple(fitted.get(int(names[i]), plane) for i in order)
 
 
 def _pieces(facets: MeshFacets, members: IntArray) -> list[IntArray]:
@@ -197,10 +197,15 @@ def _pieces(facets: MeshFacets, members: IntArray) -> list[IntArray]:
 def _fit(
     vertices: FloatArray, triangles: IntArray, facets: MeshFacets, members: IntArray
 ) -> tuple[SurfaceKind, dict[str, Any]]:
-    used = np.isin(facets.of_triangle, members)
+    chosen = np.zeros(len(facets.areas), dtype=np.bool_)
+    chosen[members] = True
+    used = chosen[facets.of_triangle]
     rows, index = compacted(triangles[used])
-    touched = np.column_stack([index.reshape(-1), np.repeat(facets.of_triangle[used], 3)])
-    between = np.bincount(touched[unique_rows(touched)[0], 0], minlength=len(rows)) > 1
+    lowest, highest = np.full(len(rows), len(facets.areas)), np.full(len(rows), -1)
+    for corners in index.T:
+        np.minimum.at(lowest, corners, facets.of_triangle[used])
+        np.maximum.at(highest, corners, facets.of_triangle[used])
+    between = lowest < highest
     precision = 4.0 * FLOAT32 * float(np.abs(vertices).max())
     of_facets = facets.centres[members], facets.normals[members], facets.areas[members]
     return fit_curved(vertices[rows], between, *of_facets, precision)

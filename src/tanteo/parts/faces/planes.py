@@ -7,7 +7,7 @@ import numpy as np
 from tanteo.geometry import SO3
 from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.parts.faces.elements import Face, ModelPlanes
-from tanteo.parts.readers.topology import Draft, MeshEdges, triangle_geometry
+from tanteo.parts.readers.topology import Draft, MeshEdges, angles_between, middles_and_volumes, triangle_geometry
 
 
 def face_normals(draft: Draft) -> FloatArray:
@@ -34,7 +34,7 @@ def build_faces(draft: Draft, edges: MeshEdges) -> tuple[Face, ...]:
     _, areas = triangle_geometry(draft.vertices, draft.triangles)
     count = len(draft.kinds)
     total = np.bincount(draft.triangle_face, areas, count)
-    middle = draft.vertices[draft.triangles].mean(axis=1)
+    middle, _ = middles_and_volumes(draft.vertices, draft.triangles, np.zeros(3))
     centroids = _sums(draft, middle * areas[:, None]) / np.maximum(total, 1e-300)[:, None]
     normals = face_normals(draft)
     sagittas = _sagittas(draft, edges)
@@ -73,7 +73,7 @@ def build_planes(draft: Draft, faces: tuple[Face, ...], edges: MeshEdges) -> Mod
     areas = np.array([faces[i].area for i in chosen])
     centroids = np.array([faces[i].centroid for i in chosen])
     normals = face_normals(draft)[chosen]
-    second = _second_moments(draft, faces)[chosen] / areas[:, None, None]
+    second = _second_moments(draft, faces, chosen)[chosen] / areas[:, None, None]
     frames, gyration = _principal_frames(normals, second)
     Ts = np.tile(np.eye(4), (count, 1, 1))
     Ts[:, :3, :3], Ts[:, :3, 3] = frames, centroids
@@ -88,17 +88,21 @@ def _sums(draft: Draft, values: FloatArray) -> FloatArray:
     return np.stack([np.bincount(draft.triangle_face, values[:, k], count) for k in range(3)], axis=1)
 
 
-def _second_moments(draft: Draft, faces: tuple[Face, ...]) -> FloatArray:
-    """Return the integral of (p - centroid)(p - centroid)^T over each face ``(F, 3, 3)`` [m^4]."""
-    _, areas = triangle_geometry(draft.vertices, draft.triangles)
+def _second_moments(draft: Draft, faces: tuple[Face, ...], chosen: IntArray) -> FloatArray:
+    """Return the integral of (p - centroid)(p - centroid)^T over each chosen face ``(F, 3, 3)`` [m^4]; 0 for others."""
+    counted = np.zeros(len(faces), dtype=np.bool_)
+    counted[chosen] = True
+    rows = counted[draft.triangle_face]
+    triangles, owners = draft.triangles[rows], draft.triangle_face[rows]
+    _, areas = triangle_geometry(draft.vertices, triangles)
     centroids = np.array([face.centroid for face in faces])
-    local = draft.vertices[draft.triangles] - centroids[draft.triangle_face][:, None]
+    local = draft.vertices[triangles] - centroids[owners][:, None]
     sums = local.sum(axis=1)
     # Exact for a triangle: A / 12 (sum of v v^T + (sum of v)(sum of v)^T).
     each = np.einsum("tki,tkj->tij", local, local) + np.einsum("ti,tj->tij", sums, sums)
     each *= areas[:, None, None] / 12.0
     result = np.zeros((len(faces), 3, 3))
-    np.add.at(result, draft.triangle_face, each)
+    np.add.at(result, owners, each)
     return result
 
 
@@ -173,8 +177,7 @@ def _sagittas(draft: Draft, edges: MeshEdges) -> FloatArray:
     left = edges.left[same]
     right = edges.right[same]
     ends = edges.ends[same]
-    sines = np.linalg.norm(np.cross(normals[left], normals[right]), axis=1)
-    angles = np.arctan2(sines, np.einsum("ni,ni->n", normals[left], normals[right]))
+    angles = angles_between(normals, left, right)
     lengths = np.linalg.norm(draft.vertices[ends[:, 1]] - draft.vertices[ends[:, 0]], axis=1)
     widths = 2.0 * (areas[left] + areas[right]) / np.maximum(lengths, 1e-300)
     result = np.zeros(len(draft.kinds))

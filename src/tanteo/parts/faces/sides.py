@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
-from tanteo.parts.readers.topology import components, mesh_edges, triangle_geometry
+from tanteo.parts.readers.topology import compacted, components, mesh_edges, middles_and_volumes, triangle_geometry
 
 LOOSE = 1e-3
 """Area fraction below which an open piece is dropped."""
@@ -29,7 +29,7 @@ def bodies(faces: IntArray) -> IntArray:
     """
     count = int(faces.max()) + 1
     labels = components(count, faces[:, [0, 1]].reshape(-1), faces[:, [1, 2]].reshape(-1))[faces[:, 0]]
-    return np.unique(labels, return_inverse=True)[1].reshape(-1).astype(np.int64)
+    return compacted(labels)[1]
 
 
 def without_loose(points: FloatArray, faces: IntArray) -> tuple[IntArray, list[str]]:
@@ -91,8 +91,7 @@ def outward(points: FloatArray, faces: IntArray, *, as_wound: bool) -> IntArray:
 
 def _volumes(points: FloatArray, faces: IntArray, labels: IntArray) -> FloatArray:
     """Return the signed volume of each closed body, negative if it is inside out."""
-    a, b, c = (points[faces[:, k]] - points.mean(axis=0) for k in range(3))
-    return np.asarray(np.bincount(labels, np.einsum("ni,ni->n", a, np.cross(b, c)) / 6.0))
+    return np.bincount(labels, middles_and_volumes(points, faces, points.mean(axis=0))[1])
 
 
 def united(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, IntArray, list[str]]:

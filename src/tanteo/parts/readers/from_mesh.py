@@ -15,7 +15,7 @@ from tanteo.parts.readers.building import build_part
 from tanteo.parts.readers.files import METRES, check_size, unit_name
 from tanteo.parts.readers.readers import CadMesh
 from tanteo.parts.readers.repair import MERGE_STEPS, sound_mesh
-from tanteo.parts.readers.topology import Draft
+from tanteo.parts.readers.topology import Draft, compacted
 
 _ON = 2.0 * MERGE_STEPS[-1]
 """Distance, relative to the diagonal, within which the centre of a repaired triangle lies on an original one; repairs
@@ -69,7 +69,7 @@ def draft_of_mesh(mesh: CadMesh, label: str, *, stated: bool) -> tuple[Draft, li
     triangles = np.asarray(mesh.triangles)
     unit = str(mesh.unit)
     if len(triangles):
-        check_size(diagonal_of_points(vertices[triangles.reshape(-1)]) * METRES[unit], unit, label, stated=stated)
+        check_size(diagonal_of_points(vertices[compacted(triangles)[0]]) * METRES[unit], unit, label, stated=stated)
     points, corners, repairs = sound_mesh(vertices, triangles, label)
     if mesh.faces is None:
         return sort_faces(points * METRES[unit], corners), [*mesh.notes, *repairs]

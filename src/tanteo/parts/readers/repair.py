@@ -14,6 +14,7 @@ from tanteo.parts.readers.topology import (
     compacted,
     directed_edges,
     edge_counts,
+    longest_sides,
     near_groups,
     triangle_geometry,
     unique_rows,
@@ -129,7 +130,8 @@ def merge_vertices(points: FloatArray, distance: float) -> tuple[FloatArray, Int
     """
     rows, index = unique_rows(points)
     labels = near_groups(points[rows], distance)
-    _, first = np.unique(labels, return_index=True)
+    first = np.full(int(labels.max(initial=-1)) + 1, len(labels))
+    np.minimum.at(first, labels, np.arange(len(labels)))
     return points[rows[first]], labels[index]
 
 
@@ -171,13 +173,12 @@ def _without_needles(points: FloatArray, faces: IntArray, height: float) -> tupl
     faces = faces.copy()
     flipped = 0
     for _ in range(10):
-        corners = points[faces]
-        sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-        doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-        needles = np.flatnonzero(doubled < height * sides.max(axis=1))
+        longest = longest_sides(points, faces)
+        needles = np.flatnonzero(2.0 * triangle_geometry(points, faces)[1] < height * longest)
         if not len(needles):
             break
-        changed = _flip_needles(faces, needles, sides)
+        corners = points[faces[needles]]
+        changed = _flip_needles(faces, needles, np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2))
         flipped += changed
         if not changed:
             break
@@ -187,14 +188,13 @@ def _without_needles(points: FloatArray, faces: IntArray, height: float) -> tupl
 def _flip_needles(faces: IntArray, needles: IntArray, sides: FloatArray) -> int:
     edges, owner = directed_edges(faces)
     count = int(faces.max()) + 1
-    longest = np.argmax(sides[needles], axis=1)
+    longest = np.argmax(sides, axis=1)
     starts = faces[needles, longest]
     ends = faces[needles, (longest + 1) % 3]
     beside = np.isin(edges[:, 0] * count + edges[:, 1], ends * count + starts)
     across = {(int(a), int(b)): int(t) for (a, b), t in zip(edges[beside], owner[beside], strict=True)}
     touched: set[int] = set()
-    for needle in map(int, needles):
-        k = int(np.argmax(sides[needle]))
+    for needle, k in zip(needles.tolist(), longest.tolist(), strict=True):
         a, c, b = (int(faces[needle, (k + i) % 3]) for i in range(3))
         other = across.get((c, a))
         if other is None or needle in touched or other in touched:

@@ -154,6 +154,29 @@ def triangle_geometry(vertices: FloatArray, triangles: IntArray) -> tuple[FloatA
     return _core.triangle_geometry(np.ascontiguousarray(vertices, dtype=np.float64), corners)
 
 
+def longest_sides(vertices: FloatArray, triangles: IntArray) -> FloatArray:
+    """Return the length of the longest side of each triangle ``(T,)`` [m].
+
+    Args:
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``.
+    """
+    corners = np.ascontiguousarray(triangles, dtype=np.int64)
+    return _core.longest_sides(np.ascontiguousarray(vertices, dtype=np.float64), corners)
+
+
+def angles_between(normals: FloatArray, left: IntArray, right: IntArray) -> FloatArray:
+    """Return the angle between the normals of each pair ``(N,)`` [rad].
+
+    Args:
+        normals: unit normals ``(T, 3)``.
+        left: row of the first normal of each pair ``(N,)``.
+        right: row of the second ``(N,)``.
+    """
+    first, second = (np.ascontiguousarray(rows, dtype=np.int64) for rows in (left, right))
+    return _core.angles_between(np.ascontiguousarray(normals, dtype=np.float64), first, second)
+
+
 def volume_and_centroid(vertices: FloatArray, triangles: IntArray) -> tuple[float, FloatArray]:
     """Return the signed volume [m^3] and the centre of volume [m] of a closed mesh.
 
@@ -162,12 +185,25 @@ def volume_and_centroid(vertices: FloatArray, triangles: IntArray) -> tuple[floa
         triangles: vertex indices ``(T, 3)``.
     """
     origin = vertices.mean(axis=0)
-    a, b, c = (vertices[triangles[:, k]] - origin for k in range(3))
-    volumes = np.einsum("ni,ni->n", a, np.cross(b, c)) / 6.0
+    middles, volumes = middles_and_volumes(vertices, triangles, origin)
     total = float(volumes.sum())
     if total == 0.0:
         return 0.0, origin
-    return total, origin + (volumes[:, None] * (a + b + c)).sum(axis=0) / (4.0 * total)
+    middles -= origin
+    return total, origin + 0.75 * (volumes @ middles) / total
+
+
+def middles_and_volumes(vertices: FloatArray, triangles: IntArray, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the middle of each triangle ``(T, 3)`` [m], and the signed volume of its tetrahedron ``(T,)`` [m^3].
+
+    Args:
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``.
+        origin: fourth corner of all tetrahedra ``(3,)`` [m]. The volumes of a closed mesh sum to its own [m^3].
+    """
+    corners = np.ascontiguousarray(triangles, dtype=np.int64)
+    points = np.ascontiguousarray(vertices, dtype=np.float64)
+    return _core.middles_and_volumes(points, corners, np.ascontiguousarray(origin, dtype=np.float64))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from tanteo import _core
 from tanteo.errors import InputError
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Vectors
 
@@ -202,10 +203,7 @@ class Surface:
 
     def __post_init__(self) -> None:
         vertices, triangles = checked_mesh(self.vertices, self.triangles)
-        a, b, c = (vertices[triangles[:, k]] for k in range(3))
-        normals = np.cross(b - a, c - a)
-        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-        normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
+        normals, _ = _core.triangle_geometry(vertices, triangles)
         for array in (vertices, triangles, normals):
             array.setflags(write=False)
         for name, value in (("vertices", vertices), ("triangles", triangles), ("_normals", normals)):
