@@ -22,8 +22,8 @@ _ENOUGH = 200
 """Largest number of corners used to fit a cone."""
 
 _MANY, _SOME, _LOOSER = 50_000, 5_000, 10.0
-"""Number of facets above which about so many of them are fitted first, to a multiple of the precision: it rejects free
-forms of very many facets in milliseconds."""
+"""Number of facets above which a subset of about this size is fitted first, to a multiple of the precision. Free forms of
+very many facets are rejected in milliseconds."""
 
 _LEAST = 6
 """Smallest number of corners for a fit: three generators of a cylinder."""
@@ -84,9 +84,9 @@ def fit_curved(
     """
     if len(centres) > _MANY:  # what does not fit some of the facets does not fit all of them
         some, few = (np.arange(0, n, 1 + n // _SOME) for n in (len(corners), len(centres)))
-        found = fit_curved(corners[some], between[some], centres[few], normals[few], areas[few], _LOOSER * precision)
-        if found[0] == "freeform":
-            return found
+        kind, _ = fit_curved(corners[some], between[some], centres[few], normals[few], areas[few], _LOOSER * precision)
+        if kind == "freeform":
+            return "freeform", {}
     for on in (np.ones(len(corners), dtype=bool), between):
         if np.count_nonzero(on) < _LEAST:
             break

@@ -91,7 +91,8 @@ def outward(points: FloatArray, faces: IntArray, *, as_wound: bool) -> IntArray:
 
 def _volumes(points: FloatArray, faces: IntArray, labels: IntArray) -> FloatArray:
     """Return the signed volume of each closed body, negative if it is inside out."""
-    return np.bincount(labels, middles_and_volumes(points, faces, points.mean(axis=0))[1])
+    volumes = middles_and_volumes(points, faces, points.mean(axis=0))[1]
+    return np.bincount(labels, volumes).astype(np.float64)
 
 
 def united(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, IntArray, list[str]]:
