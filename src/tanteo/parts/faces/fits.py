@@ -22,8 +22,9 @@ _ENOUGH = 200
 """Largest number of corners used to fit a cone."""
 
 _MANY, _SOME, _LOOSER = 50_000, 5_000, 10.0
-"""Number of facets above which a subset of about 5,000 is fitted first, to ten times the precision. It rejects free forms
-of very many facets in milliseconds."""
+"""Number of facets above which a subset of about 5,000 is fitted first, to ten times the precision.
+
+It rejects free forms of very many facets in milliseconds."""
 
 _LEAST = 6
 """Smallest number of corners for a fit: three generators of a cylinder."""
