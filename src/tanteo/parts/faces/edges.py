@@ -85,6 +85,8 @@ def _segments(draft: Draft, faces: tuple[Face, ...], edges: MeshEdges) -> _Segme
 
 def _normals_at(draft: Draft, faces: tuple[Face, ...], owners: IntArray, ends: IntArray) -> FloatArray:
     """Return outward normals of the faces ``owners`` at the midpoints of the mesh edges ``ends`` ``(N, 3)``."""
+    if not len(ends):
+        return np.zeros((0, 3))
     count = len(draft.vertices)
     at_edges = np.zeros(count, dtype=np.bool_)
     at_edges[ends] = True
