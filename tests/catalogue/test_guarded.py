@@ -212,3 +212,21 @@ def test_a_busy_machine_does_not_shorten_the_time_limit(folder, monkeypatch):
     request = {0: pool.Request(str(folder / "busy.off"), "mm", "busy")}
     pool.read_in_processes(request, found.__setitem__, workers=1, command=BUSY, time_limit=120.0)
     assert "s of processor time, got no end. Simplify the part." in found[0]
+
+
+@posix
+def test_an_interrupted_read_does_not_wait_for_its_workers(tmp_path):
+    file = tmp_path / "part.stl"
+    file.write_text("solid")
+    slow = "import sys, time\nfor line in sys.stdin.buffer:\n    if b'path' in line:\n        time.sleep(60)"
+    script = (
+        "import os, signal, threading\n"
+        "from tanteo.catalogue.pool import Request, read_in_processes\n"
+        "threading.Timer(1.5, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
+        f"request = Request({str(file)!r}, 'mm', 'part')\n"
+        f"read_in_processes({{0: request}}, print, workers=1, command={slow!r})\n"
+    )
+    start = time.monotonic()
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=100, check=False)
+    assert "KeyboardInterrupt" in done.stderr
+    assert time.monotonic() - start < 40

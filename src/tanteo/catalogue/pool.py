@@ -103,8 +103,9 @@ def read_in_processes(
     for item in requests.items():
         waiting.put(item)
     stopped = threading.Event()
+    running: set[subprocess.Popen[bytes]] = set()
     threads = [
-        threading.Thread(target=_serve, args=(waiting, done, stopped, time_limit, command, rules), daemon=True)
+        threading.Thread(target=_serve, args=(waiting, done, stopped, running, time_limit, command, rules), daemon=True)
         for _ in range(workers)
     ]
     for thread in threads:
@@ -114,6 +115,8 @@ def read_in_processes(
             on_result(*done.get())
     finally:
         stopped.set()
+        for worker in tuple(running):  # all are idle, except after Ctrl-C: then no file is read to its end
+            worker.kill()
         for thread in threads:
             thread.join()
 
@@ -122,6 +125,7 @@ def _serve(
     waiting: queue.SimpleQueue[tuple[int, Request]],
     done: queue.SimpleQueue[tuple[int, Part | Record | str]],
     stopped: threading.Event,
+    running: set[subprocess.Popen[bytes]],
     time_limit: float | None,
     command: str,
     rules: Mapping[str, int],
@@ -134,8 +138,12 @@ def _serve(
             break
         if worker is None:
             worker = _started(command, rules)
+            running.add(worker)
+        if stopped.is_set():  # it may have started after the others were ended
+            break
         result, alive = _send(worker, request, time_limit, rules)
         if not alive:
+            running.discard(worker)
             _end(worker)
             worker = None
         done.put((index, result))

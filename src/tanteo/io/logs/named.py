@@ -25,7 +25,6 @@ _NAMED = (
      "Record the console during G29 V4, which prints 'Bed X: .. Y: .. Z: ..' for each point"),
     (r"^(?:ok )?X:\s*-?\d[^\n]*\bCount\b", "position reports (M114), which are no contacts",
      "Record what the probe reports: lines 'Bed X: .. Y: .. Z: ..' of G30 or G29 V4"),
-    (r"\A\s*(?:\{\s*\"|\[\s*[\[{])", "a JSON document", "Write the points as a table with x_mm,y_mm,z_mm"),
     (r"^(?:#\*#\s*)?\[bed_mesh\b", "a configuration of Klipper",
      "Record the console during BED_MESH_CALIBRATE, which prints 'probe .. at X,Y .. z=Z' for each point"),
     (r"^(?:// )?Stopped at height\b", "heights of RepRapFirmware without places", "Give heightmap.csv of G29"),

@@ -54,20 +54,32 @@ def child(element: Any, *path: str) -> Any:
     return element
 
 
+def xml_root(contents: Contents) -> Any:
+    """Return the root element of an XML document.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: the document has a DTD, or is not well-formed.
+    """
+    from lxml import etree
+
+    if b"<!DOCTYPE" in contents.data or b"<!ENTITY" in contents.data:  # entities can expand exponentially
+        contents.fail("an XML document without DTD", "one with", "Remove the DOCTYPE.")
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
+    try:
+        return etree.fromstring(contents.data, parser)
+    except etree.XMLSyntaxError as error:
+        contents.fail("well-formed XML", str(error.msg), "Export it again.")
+
+
 class Document:
     """Parsed QIF document, with error messages that name file and line."""
 
     def __init__(self, contents: Contents) -> None:
-        from lxml import etree
-
-        if b"<!DOCTYPE" in contents.data or b"<!ENTITY" in contents.data:  # entities can expand exponentially
-            contents.fail("a QIF document without DTD", "one with", "Remove the DOCTYPE.")
-        parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
         self._contents = contents
-        try:
-            self.root: Any = etree.fromstring(contents.data, parser)
-        except etree.XMLSyntaxError as error:
-            contents.fail("well-formed XML", str(error.msg), "Export it again.")
+        self.root: Any = xml_root(contents)
 
     def fail(self, expected: str, got: str, do: str, element: Any = None) -> NoReturn:
         """Refuse the document.
