@@ -140,13 +140,19 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
     // few rays are enough while noise is blurred, and where all of them hit one plane
     const bool blurred = at.blur > 0.25 * slope * range;
     hits.clear();
-    if (blurred || seen.is_one_plane()) seen.cast(SOME_RAYS, true, hits);
+    double rays = 1;  // that would fill the cone
+    const auto cast = [&](const RayPattern& pattern, bool whole) {
+        seen.cast(pattern, whole, hits);
+        rays = pattern.count / (whole ? 1.0 : std::max(seen.covered(), 1e-9));
+    };
+    if (blurred || seen.is_one_plane()) cast(SOME_RAYS, true);
     const bool smooth = seen.is_one_plane() && static_cast<int>(hits.size()) == FEW_RAYS;
     if (!blurred && !smooth) {
-        // rays of which half or more would pass a part that covers little of the cone are put about it
-        const bool whole = seen.covered() > 0.5;
-        seen.cast(ALL_RAYS, whole, hits);
-        if (hits.size() < FEW_HITS) seen.cast(DENSE_RAYS, whole, hits);
+        // rays of which half or more would pass a part that covers little of the cone are put about it; a random ray is
+        // known to its cell, a mean as well as all cells
+        const bool whole = seen.covered() > 0.5, mean = of_mean + of_strongest > 0;
+        cast(mean ? ALL_RAYS : SOME_RAYS, whole);
+        if (hits.size() < FEW_HITS) cast(mean ? DENSE_RAYS : ALL_RAYS, whole);
     }
     if (hits.empty()) return;
     const int n = static_cast<int>(hits.size());
@@ -161,7 +167,7 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
         const Vec3 by_axis = turns * (hit.normal - hit.normal.z * hit.along), &m = hit.normal;
         echo.by_origin = (1 / hit.cosine) * (m.x * u + m.y * v + m.z * cone.axis);
         echo.by_axis = by_axis.x * u + by_axis.y * v + by_axis.z * cone.axis;
-        add(at.shape, echo, of_rays / n, variance + cell * cell * tangent2 / n, at.negligible, first, out);
+        add(at.shape, echo, of_rays / n, variance + cell * cell * tangent2 / rays, at.negligible, first, out);
     }
     // The mean of the rays of some faces, which are the hits where face is -1 or that of the triangle; even or by signal.
     // Its derivative has the same rays hit, and omits that the outline moves: ascents take more steps, samples use none.
