@@ -18,7 +18,7 @@ PIP     = $(BIN)/python -m pip --disable-pip-version-check
 LOCKED  = -m pip --disable-pip-version-check install --quiet --require-hashes -r requirements/
 WORKERS = $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
-# The core is built with tools in $(VENV), in a permanent folder, so that a rebuild compiles only changed files.
+# The core is built with tools in $(VENV), in a permanent folder, so that a rebuild and a wheel compile only changed files.
 CORE    = CMakeLists.txt $(wildcard src/tanteo/_core/*.cpp src/tanteo/_core/*.hpp src/tanteo/_core/*/*.cpp src/tanteo/_core/*/*.hpp)
 EDIT    = $(PIP) install --quiet -c constraints.txt --no-build-isolation -Cbuild-dir=$(VENV)/core -e
 SITE    = $(shell $(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("platlib"))')
@@ -115,7 +115,7 @@ lock: $(BIN)/python
 
 wheel: $(VENV)/.tools
 	rm -f dist/tanteo-*.whl
-	$(BIN)/python -m build --wheel --no-isolation
+	$(BIN)/python -m build --wheel --no-isolation -Cbuild-dir=$(VENV)/core
 
 # the wheel in an environment of its own, outside of the checkout
 wheel-test: wheel

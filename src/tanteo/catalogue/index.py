@@ -28,7 +28,9 @@ def index_of(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def kinds(numbers: FloatArray) -> Indices:
-    """Return the row of the first similar part of each part ``(n,)``, whose poses are good initial poses for it.
+    """Return, for each part, the row of the first part that is similar to it ``(n,)``; it may be the part itself.
+
+    The poses of a part are good initial poses for the similar ones.
 
     Similar parts have nearly the same box and centroid in their own frames, and nearly the same area and volume.
 

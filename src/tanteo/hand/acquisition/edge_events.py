@@ -98,7 +98,7 @@ def on_line(hand: Hand, events: Sequence[EdgeEvent], line: Line) -> list[EdgeEve
 def agreeing(
     hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray, total: int = 0
 ) -> tuple[list[EdgeEvent], Finding | None]:
-    """Return the events without one position on another edge, if there are five positions and the rest is consistent.
+    """Return the events of one edge: without the position that lies on another edge, if four consistent ones remain.
 
     Beside the end of an edge, a crossing hits the next edge. If enough positions verify each other, the one whose
     standardized residual exceeds the gate is rejected (data snooping; Baarda 1968). A few of many events on several

@@ -71,7 +71,10 @@ class _Faces:
 
 
 def _by_poses(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, poses: dict[int, Transforms]) -> FloatArray:
-    """Return the costs of parts by poses of triples; further triples are tried if the first fit no part."""
+    """Return the costs of parts by poses that place triples of sensed planes on faces.
+
+    The further triples (with other planes) are tried only if the first fit no part, because they take longer.
+    """
     costs, more = _by_triples(faces, sensed.first, lacking, poses), sensed.more
     if costs.min(initial=sensed.settings.cost_limit) > sensed.doubtful and len(more.triples) + len(more.walls):
         costs = np.minimum(costs, _by_triples(faces, more, lacking, poses))
