@@ -30,7 +30,7 @@ from campaign import options
 
 ROOT = Path(__file__).parents[1]
 TESTS = {
-    "geometry": ("tests/geometry", "tests/features", "tests/test_frozen.py"),
+    "geometry": ("tests/geometry tests/test_special.py", "tests/features", "tests/test_frozen.py"),
     "features": ("tests/features", "tests/test_frozen.py tests/paper tests/test_vectors.py", "tests/fitting"),
     "factors": (
         "tests/factors",
