@@ -10,12 +10,8 @@ from OCP.gp import gp_Pnt
 
 from drilled import as_part, drilled, tip
 from scenes import random_pose
-from tanteo.factors import as_labelled_points
-from tanteo.factors.axis_centre import AxisCentre
-from tanteo.factors.cone_apex import ConeApex
-from tanteo.factors.factor import SensedDirection
-from tanteo.factors.sphere_centre import SphereCentre
-from tanteo.factors.surface_point import SurfacePoint
+from tanteo.factors import SurfacePoint, as_labelled_points
+from tanteo.factors.factor import KINDS, SensedDirection
 from tanteo.features import Feature
 from tanteo.features.kinds import CIRCLE, VERTEX
 
@@ -45,9 +41,9 @@ def test_a_tolerance_widens_points_of_features_in_every_direction():
     np.testing.assert_allclose(made.covs - exact.covs, [4e-8 * np.eye(3)], atol=1e-15)
 
 
-@pytest.mark.parametrize("factor", [AxisCentre, SphereCentre, ConeApex])
-def test_a_centre_is_that_of_one_of_the_landmarks(factor, plate):
-    shares = [one.share for one in factor.landmarks(plate)]
+@pytest.mark.parametrize("kind", ["centre", "sphere", "cone"])
+def test_a_centre_is_that_of_one_of_the_landmarks(kind, plate):
+    shares = [one.share for one in KINDS[kind].landmarks(plate)]
     assert len(shares) >= 2
     assert shares == pytest.approx([1 / len(shares)] * len(shares))
 
