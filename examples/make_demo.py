@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tanteo import read_parts
+from tanteo.bench.demo.stage import write_hypotheses
 
 HERE = Path(__file__).parent
 DEMO = HERE.parent / "src" / "tanteo" / "bench" / "demo"
@@ -22,3 +23,4 @@ for part in read_parts([HERE / "parts"]).parts:
     (DEMO / "parts" / f"{part.name}.stl").write_bytes(head + facets.tobytes())
 for name in ("twins.png", "camera.yaml", "marks.csv", "truth.csv"):
     shutil.copy(HERE / "images" / name, DEMO / name)
+write_hypotheses()

@@ -1,33 +1,31 @@
-"""``tanteo demo``: the story without a camera, and its report. With one it is in the README (``test_readme``)."""
+"""``tanteo demo``: the story without OpenCV, and its report. With it, it is in the README (``test_readme``)."""
 
 from __future__ import annotations
 
 import re
 import shutil
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 
-def test_without_a_camera_a_feeder_gives_the_prior_pose(run, tmp_path, monkeypatch):
-    from tanteo.bench.demo import stage, story
+def test_without_opencv_the_story_is_the_same(run, tmp_path, monkeypatch):
+    from tanteo.bench.demo import stage
 
     monkeypatch.setattr(stage, "find_spec", lambda name: None)
-    easy = replace(stage.STOP, tolerance=3e-3)  # a few readings
-    monkeypatch.setattr(story, "STOP", easy)
-    monkeypatch.setattr(stage.Stage.session, "__defaults__", (easy,))
     report = tmp_path / "demo.html"
     got = run("demo", "--no-open", "--report", str(report))
     assert got.code == 0
-    assert got.out.startswith("Goal: the part with 99 %, and every corner of it within 3.0 mm at 95 %.\n")
-    assert "No camera" in got.out
+    assert got.out.startswith("Goal: the part with 99 %, and every corner of it within 0.5 mm at 95 %.\n")
+    assert "evaluated before" in got.out
+    assert re.search(r"It may be: step_12mm \(\d+ %\), step_15mm \(\d+ %\)", got.out)
     assert "\nstep_12mm, located to" in got.out
-    assert float(re.search(r"It was step_12mm, and the corner farthest off is ([\d.]+) mm", got.out)[1]) < 6  # 2 sd
+    assert float(re.search(r"It was step_12mm, and the corner farthest off is ([\d.]+) mm", got.out)[1]) < 0.5
+    assert int(re.search(r"Readings: (\d+)\.", got.out)[1]) <= 10
     text = report.read_text(encoding="utf-8")
     assert "How it went" in text
-    assert "random" not in got.out  # which was counted with the camera
+    assert "random" not in got.out  # which was counted with the image
     assert "http://" not in text.replace("http://www.w3.org", "")
 
 

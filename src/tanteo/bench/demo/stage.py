@@ -20,11 +20,11 @@ from tanteo.hand import Workspace
 from tanteo.hand.simulator import Solid
 from tanteo.io import read_camera, read_image, read_marks, write_image
 from tanteo.parts import Part
-from tanteo.planning import Action, Probe, Sensing, Session, Stop, at_place
+from tanteo.planning import Action, Probe, Sensing, Session, Stop
 from tanteo.planning.execution import seen_start
 from tanteo.planning.policies import policy_named
 from tanteo.planning.start import Start
-from tanteo.posterior import Hypothesis, PreparedPart, prepare
+from tanteo.posterior import Hypothesis, PreparedPart, Priors, prepare
 from tanteo.sensors import Readings
 from tanteo.sensors.presets import NoiseLaw
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from tanteo.vision import Camera, Sighting
 
 _IMAGE, _NOISE = "twins", 3e-4
+KEPT = "hypotheses.csv"
+"""File of the image's hypotheses."""
 MOST = 25
 """Readings at most."""
 _LASER = Probe(
@@ -108,13 +110,13 @@ def range_on(target: PreparedPart, T_world_part: Transforms, action: Action) -> 
 
 
 def set_stage() -> Stage:
-    """Read parts and image; without OpenCV a feeder gives a prior pose."""
+    """Read parts and image; without OpenCV the hypotheses of the image are read from a file."""
     with resources.as_file(resources.files("tanteo.bench.demo")) as folder:
         parts = read_parts([folder / "parts"], unit="mm").parts
         truth, T = _truth(folder)
         targets = {part.name: prepare(part) for part in parts}
         if not find_spec("cv2"):
-            return Stage(targets, truth, T, _placed(targets, truth, T), None)
+            return Stage(targets, truth, T, _kept_start(folder, targets), None)
         start, seen = _image_start(folder, parts, targets)
     return Stage(targets, truth, T, start, seen)
 
@@ -127,10 +129,34 @@ def _truth(folder: Path) -> tuple[str, Transforms]:
     return row["part"], SE3.from_parts(SO3.from_quaternion(q / np.linalg.norm(q)), p)
 
 
-def _placed(targets: dict[str, PreparedPart], truth: str, T: Transforms) -> Start:
-    """Return the prior of a feeder, which is accurate to some millimetres and degrees."""
-    place = T @ SE3.from_parts(np.eye(3), targets[truth].part.centroid)
-    return at_place(list(targets.values()), place, np.diag(np.repeat([5e-3, 0.1], 3) ** 2))
+def _kept_start(folder: Path, targets: dict[str, PreparedPart]) -> Start:
+    """Return the hypotheses of the image as prior poses, from the file that ``examples/make_demo.py`` writes."""
+    with open(folder / KEPT, encoding="utf-8", newline="") as stream:
+        named, *rows = csv.reader(line for line in stream if not line.startswith("#"))
+    assert named[0] == "part"
+    numbers = np.array([row[1:] for row in rows], dtype=np.float64)
+    lower, C = np.tril_indices(6), np.zeros((len(rows), 6, 6))
+    C[:, lower[0], lower[1]] = C[:, lower[1], lower[0]] = numbers[:, 13:]
+    Ts = SE3.from_parts(numbers[:, 1:10].reshape(-1, 3, 3), numbers[:, 10:13])
+    names = list(targets)
+    part = np.array([names.index(row[0]) for row in rows], dtype=np.int64)
+    return Start(tuple(targets.values()), part, Ts, C, numbers[:, 0], Priors())
+
+
+def write_hypotheses() -> None:
+    """Write the hypotheses of the demo's image for installations without OpenCV."""
+    seen = set_stage().seen
+    assert seen is not None
+    numbers = [f"{kind}{k}" for kind, count in (("r", 9), ("t", 3), ("c", 21)) for k in range(count)]
+    lines = [
+        "# hypotheses of the image [m, rad]: python examples/make_demo.py",
+        ",".join(["part", "probability", *numbers]),
+    ]
+    for h in seen.likely:
+        T, C = h.T_world_part, h.covariance[np.tril_indices(6)]
+        values = (h.probability, *T[:3, :3].ravel(), *T[:3, 3], *C)
+        lines.append(",".join([h.part, *(f"{v:.12g}" for v in values)]))
+    (seen.image.parent / KEPT).write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 
 def _image_start(folder: Path, parts: Sequence[Part], targets: dict[str, PreparedPart]) -> tuple[Start, Seen]:

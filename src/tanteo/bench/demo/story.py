@@ -55,7 +55,7 @@ def run_demo(emit: Callable[[str], None], seed: int = 0) -> Observation:
     emit(f"Goal: the part with {100 * STOP.probability:.0f} %, and every corner of it {within}.")
     emit(f"One of {len(stage.targets)} parts lies on a table. Which one, and where?")
     emit("")
-    _emit_image(stage.seen, emit)
+    _emit_image(stage, emit)
     emit("")
     emit("A laser (0.3 mm, from above) measures where it is most informative:")
     session = stage.session("information", seed)
@@ -77,10 +77,16 @@ _SHOWN = 0.005
 """Smallest probability that is not printed as 0 %."""
 
 
-def _emit_image(seen: Seen | None, emit: Callable[[str], None]) -> None:
+def _emit_image(stage: Stage, emit: Callable[[str], None]) -> None:
     """Emit the hypotheses of the image."""
+    seen, start = stage.seen, stage.start
     if seen is None:
-        emit("No camera (the extra 'vision' is not installed): a feeder puts parts here, to 5 mm and 6 degrees.")
+        names = [start.targets[k].part.name for k in start.part]
+        words = ", ".join(
+            f"{name} ({100 * P:.0f} %)" for name, P in zip(names, start.weights, strict=True) if P >= _SHOWN
+        )
+        emit("A camera above it took an image, which was evaluated before (the extra 'vision' is not installed).")
+        emit(f"It may be: {words}.")
         return
     file = Path(os.path.relpath(seen.image)) if seen.image.is_relative_to(Path.cwd()) else seen.image
     words = ", ".join(f"{h.part} ({100 * h.probability:.0f} %)" for h in seen.likely if h.probability >= _SHOWN)
