@@ -70,23 +70,48 @@ inline double wedge(double h, double t) {
     return t < 0 ? -T : T;
 }
 
-// The wedge of an edge from t1 to t2. A short one is integrated directly: 8 nodes, error below 2e-11.
-inline double wedge(double h, double t1, double t2) {
-    const double length = t2 - t1;
-    if (!(length < h)) return wedge(h, t2) - wedge(h, t1);
-    static const double x[8] = {0.01985507175123188416, 0.10166676129318663020, 0.23723379504183550709,
-                                0.40828267875217509753, 0.59171732124782490247, 0.76276620495816449291,
-                                0.89833323870681336980, 0.98014492824876811584};
-    static const double w[8] = {0.05061426814518812958, 0.11119051722668723528, 0.15685332293894364367,
-                                0.18134189168918099148, 0.18134189168918099148, 0.15685332293894364367,
-                                0.11119051722668723528, 0.05061426814518812958};
-    double s[8], sum = 0;
-    for (int k = 0; k < 8; ++k) {
+// Integrals over an edge at the distance h >= 0, from t1 to t2 along its line.
+struct EdgeIntegrals {
+    double wedge;  // probability of the wedge between the edge and infinity, at the origin
+    double along;  // integral of the density along the edge
+};
+
+// Gauss-Legendre with N nodes x and weights w on the unit interval.
+template <int N>
+inline EdgeIntegrals integrate_edge(double h, double t1, double length, const double (&x)[N], const double (&w)[N]) {
+    double s[N], e[N], wedge = 0, along = 0;
+    for (int k = 0; k < N; ++k) {
         const double t = t1 + length * x[k];
         s[k] = h * h + t * t;
+        e[k] = w[k] * fast_exp(-0.5 * s[k]);
     }
-    for (int k = 0; k < 8; ++k) sum += w[k] * fast_exp(-0.5 * s[k]) / s[k];
-    return h * length * sum * 0.15915494309189533577;
+    for (int k = 0; k < N; ++k) wedge += e[k] / s[k], along += e[k];
+    const double per = length * 0.15915494309189533577;
+    return {h * per * wedge, per * along};
+}
+
+constexpr double ENDLESS = 5;  // standard deviations along its line beyond which an edge has no end; the error is below 4e-7
+
+// A short edge needs few nodes: the error is below 1e-10 with 4 nodes, and below 2e-11 with 8.
+inline EdgeIntegrals edge_integrals(double h, double t1, double t2, bool with_along) {
+    static const double x4[4] = {0.06943184420297371239, 0.33000947820757186760, 0.66999052179242813240,
+                                 0.93056815579702628761};
+    static const double w4[4] = {0.17392742256872692869, 0.32607257743127307131, 0.32607257743127307131,
+                                 0.17392742256872692869};
+    static const double x8[8] = {0.01985507175123188416, 0.10166676129318663020, 0.23723379504183550709,
+                                 0.40828267875217509753, 0.59171732124782490247, 0.76276620495816449291,
+                                 0.89833323870681336980, 0.98014492824876811584};
+    static const double w8[8] = {0.05061426814518812958, 0.11119051722668723528, 0.15685332293894364367,
+                                 0.18134189168918099148, 0.18134189168918099148, 0.15685332293894364367,
+                                 0.11119051722668723528, 0.05061426814518812958};
+    const double length = t2 - t1;
+    if (length < 0.5 && length < 0.3 * h) return integrate_edge(h, t1, length, x4, w4);
+    if (length < h) return integrate_edge(h, t1, length, x8, w8);
+    const double endless = t1 < -ENDLESS || t2 > ENDLESS ? 0.5 * normal_below(-h) : 0;
+    const double first = t1 < -ENDLESS ? -endless : wedge(h, t1), last = t2 > ENDLESS ? endless : wedge(h, t2);
+    if (!with_along) return {last - first, 0};
+    const double below_first = t1 < -ENDLESS ? 0 : normal_below(t1), below_last = t2 > ENDLESS ? 1 : normal_below(t2);
+    return {last - first, normal_density(h) * (below_last - below_first)};
 }
 
 }  // namespace tanteo

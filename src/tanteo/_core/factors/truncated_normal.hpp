@@ -64,11 +64,11 @@ inline TruncatedMass mass_inside(const Shape& shape, const Flat& flat, double x,
             const double t1 = ax * dx + ay * dy, t2 = t1 + e.length * stretch;
             if (t1 > OUTLINE_REACH || t2 < -OUTLINE_REACH) continue;
             const double ah = std::fabs(h);
-            const bool whole = t1 < -OUTLINE_REACH && t2 > OUTLINE_REACH;
-            const double wedges = whole ? normal_below(-ah) : wedge(ah, t1, t2);
-            beyond += inside ? wedges : -wedges;
+            const bool whole = t1 < -ENDLESS && t2 > ENDLESS;
+            const EdgeIntegrals over = edge_integrals(ah, t1, t2, with_slope);
+            beyond += inside ? over.wedge : -over.wedge;
             if (!with_slope) continue;
-            const double m = normal_density(h) * (whole ? 1 : normal_below(t2) - normal_below(t1));
+            const double m = over.along;
             mass.gx -= dy * m;  // the inside is to the left: (-dy, dx)
             mass.gy += dx * m;
             mass.xx += dy * dy * h * m;
