@@ -1,11 +1,11 @@
-"""Questions that once took unusually long: ``python benchmarks/cliffs.py [ROW ...] [seeds] [history]``.
+"""Questions that once took unusually long: ``python benchmarks/cliffs.py [ROW ...] [seeds] [history] [ratios]``.
 
 Each row is a few scenes of one kind with their median and worst processor time beside the aim. Preparation of the part
 is not counted, except in rows of first calls, which read a mesh file in a process of their own. Organic meshes are
 smooth closed shapes of 16,000 triangles, drawn by spherical waves. Ratio: median over aim.
 
 ``history`` appends the rows to ``benchmarks/history.csv``: the median over the time of a fixed task of NumPy in the
-same process, so that computers of different speed compare.
+same process, so that computers of different speed compare. ``ratios`` prints the same lines, as CI does for a fast row.
 """
 
 from __future__ import annotations
@@ -196,13 +196,12 @@ def fixed_task():
     return min(times)
 
 
-def append_history(medians):
-    """Append the medians of rows over the time of the fixed task to the history."""
+def history_of(medians):
+    """Return the lines of the history: date, commit, row, and its median over the time of the fixed task."""
     git = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, cwd=ROOT, check=False)
     task = fixed_task()
-    with (ROOT / "benchmarks" / "history.csv").open("a", encoding="utf-8") as file:
-        for name, ms in medians.items():
-            file.write(f'{time.strftime("%Y-%m-%d")},{git.stdout.strip()},"{name}",{ms / task:.3g}\n')
+    day, commit = time.strftime("%Y-%m-%d"), git.stdout.strip()
+    return "".join(f'{day},{commit},"{name}",{ms / task:.3g}\n' for name, ms in medians.items())
 
 
 def spread_of_seeds(scenes=8, seeds=5):
@@ -233,7 +232,7 @@ def spread_of_seeds(scenes=8, seeds=5):
 
 def main():
     """Print the table of the rows that the arguments name."""
-    words = [word for word in sys.argv[1:] if word not in ("seeds", "history")]
+    words = [word for word in sys.argv[1:] if word not in ("seeds", "history", "ratios")]
     chosen = {name: row for name, row in ROWS.items() if not sys.argv[1:] or any(word in name for word in words)}
     lines, medians = [], {}
     for name, row in chosen.items():
@@ -251,7 +250,10 @@ def main():
     if "seeds" in sys.argv[1:]:
         print(spread_of_seeds().markdown())
     if "history" in sys.argv[1:]:
-        append_history(medians)
+        with (ROOT / "benchmarks" / "history.csv").open("a", encoding="utf-8") as file:
+            file.write(history_of(medians))
+    if "ratios" in sys.argv[1:]:
+        print(history_of(medians))
     columns = "scene", "right", "statuses", "ms, median", "ms, worst", "aim", "ratio", "MB / aim"
     print(Table("Unusually slow questions", __doc__.split("\n\n")[1], columns, tuple(lines)).markdown())
 
