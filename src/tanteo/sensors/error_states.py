@@ -584,7 +584,7 @@ MACHINE = 3.0
 
 BENDS: dict[type[ErrorState], dict[float, float]] = {
     Drift: {0.0: 0.95, 1.0: 0.02, 3.0: 0.02, 10.0: 0.01},
-    Form: {0.5: 0.8, 3.0: 0.14, 10.0: 0.06},
+    Form: {0.4: 0.84, 3.0: 0.12, 10.0: 0.04},
 }
 """Prior probabilities of the sd of drift and warp over that of the noise, up to what one reading reveals. No part is
 exactly its CAD, and twenty readings do not distinguish a small warp from a larger noise: its smallest size is not zero.
