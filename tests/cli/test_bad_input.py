@@ -56,7 +56,7 @@ READINGS = [
     readings("executable", b"\x7fELF\2\0\0\0\3", "got a binary one"),
     readings("no header", "a,2,3\n4,5,6\n", "expected a header that names the columns"),
     readings("bars", GOOD.replace(",", "|"), "expected commas between columns"),
-    readings("json", '{"x": 1}', "expected readings, got a JSON document"),
+    readings("json", '{"x": 1}', "expected points with x, y and z, got a JSON document"),
     readings("unknown unit", GOOD.replace("_mm", "_cm"), "expected one of the units x_mm, x_m, x_um, x_in, got 'x_cm'"),
     readings("two units", with_column("x_m", "0", "1", "2"), "got it also as 'x_mm'"),
     readings("column twice", with_column("x_mm", "0", "1", "2"), "expected 'x' once"),

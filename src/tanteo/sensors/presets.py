@@ -17,7 +17,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from tanteo.errors import InputError, did_you_mean
+from tanteo.errors import InputError, check_kind, did_you_mean
 from tanteo.geometry.typing import FloatArray
 
 _LARGEST_EXPONENT = 20.0
@@ -267,12 +267,16 @@ def sensor_outlier_rate(sensor: SensorPreset | str | None) -> float | None:
     Args:
         sensor: preset or its name.
 
+    Raises:
+        InputError: ``sensor`` is neither, or no preset has this name.
+
     Example:
         >>> tanteo.sensors.presets.sensor_outlier_rate("touch_trigger_cnc")
         0.001
     """
     if sensor is None:
         return None
+    check_kind("sensor", sensor, (SensorPreset, str), "Name one of tanteo.sensors.presets.sensor_presets().")
     rate = (sensor_preset(sensor) if isinstance(sensor, str) else sensor).outlier_rate
     return None if math.isnan(rate) else rate
 

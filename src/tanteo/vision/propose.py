@@ -42,7 +42,7 @@ def edge_costs(edges: EdgeMap, chance: FloatArray) -> np.ndarray:
 
     A sample on an edge that is as rare as possible has the cost 0. The cost grows with the distance up to a cap, which
     is the cost of a sample without an edge. An edge with the chance ``c`` reduces the cost by ``log c / log c_rarest``
-    times as much. In clutter the edges of the part itself are frequent, and still count.
+    times as much. Where edges of other objects are frequent, those of the part are, too, and still count.
 
     Args:
         edges: map of all edge points of the image.

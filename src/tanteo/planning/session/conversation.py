@@ -21,7 +21,7 @@ from tanteo.planning.session.ahead import limits, shared_of
 from tanteo.planning.session.answer import answered, step_of
 from tanteo.planning.session.questions import action_of, answers, is_same, new_readings, unlike, whole_action
 from tanteo.planning.session.values import Done, Observation, Sensing, Step
-from tanteo.planning.session.worth import enough, once_more, worth_acquiring, worth_making
+from tanteo.planning.session.worth import enough, information_of_repeat, once_more, worth_acquiring, worth_making
 from tanteo.planning.start import Start
 from tanteo.planning.state import SensingState, begin, confirmed, update
 from tanteo.planning.stopping import Stop
@@ -30,7 +30,7 @@ from tanteo.posterior import Answer, PosePrior
 from tanteo.sensors import Readings, check_readings_kind, concatenate
 from tanteo.sensors.anomalies import find_stuck
 from tanteo.values import Value
-from tanteo.words.findings import NoPartLeft, NoPlaceReached, Stuck
+from tanteo.words.findings import NoPartLeft, NoPlaceReached, RepeatMisfit, Stuck
 
 _CANDIDATES = 500
 """Number of candidate readings for each choice."""
@@ -144,11 +144,19 @@ class Session(Value):
 
         A pending action is returned again until its readings arrive, or until it is refused or replaced. Other readings
         do not change it, unless they reach the goal. ``put(None)`` discards the pending action, so that the next call
-        chooses by the current posterior.
+        chooses by the current posterior. A goal counts only if every reading that does not fit was made once more: it
+        was an outlier, or the object is only similar to the part.
         """
-        if end := enough(self.stop, self._state, self.count, self.significance):
+        end = enough(self.stop, self._state, self.count, self.significance)
+        doubted = self._misfits_to_repeat() if end is not None and end.reached else None
+        if end is not None and doubted is None:
             return self._explained(end.adding(self._stuck()))
         if self._pending is not None:
+            return self._pending
+        if doubted is not None:
+            self._last_number += 1
+            again = Choice(0, information_of_repeat(self._state), RepeatMisfit())
+            self._pending = action_of(self._context(doubted), again, self._last_number)
             return self._pending
         if not len(self._state.weights):
             return Done(False, (NoPartLeft(),))
@@ -165,6 +173,13 @@ class Session(Value):
             self._pending = action_of(*chosen, self._last_number)
         assert self._pending is not None
         return self._pending
+
+    def _misfits_to_repeat(self) -> Candidates | None:
+        """Return the misfits that were made once only; None if there are none, or if no reading is left."""
+        if self.count >= self.stop.max_measurements:
+            return None
+        repeats = self._open(once_more(self._state, self._steps))
+        return repeats if len(repeats) else None
 
     def _chosen(self, context: DecisionContext) -> tuple[DecisionContext, Choice] | Done:
         """Return the chosen reading with its context, or the end of the session."""
