@@ -42,8 +42,8 @@ class Weights:
         hits: weight of edges of the part that match edges of the image. ``benchmarks/vision_fit.py``.
         misses: weight of edges of the part that match none. ``benchmarks/vision_fit.py``.
         unknown: log density of an unknown object for each nat of the edges that the best candidate explains.
-            ``benchmarks/vision_fit.py``.
-        base: log density of an unknown object without edges. ``benchmarks/vision_fit.py``.
+            92 scenes of photographs and drawings (decision 87); ``benchmarks/vision_fit.py``.
+        base: log density of an unknown object without edges. As ``unknown``.
     """
 
     hits: float = 0.409
