@@ -20,6 +20,7 @@ def sense(run):
     return lambda *options, scene=SCENE: run("sense", "part", "--scene", str(scene), *PARTS, *options)
 
 
+@pytest.mark.slow
 def test_the_image_gives_the_pose_and_the_hand_the_part(sense):
     """No prior pose: the camera alone sends the hand; few readings are left to make."""
     code, out, err = sense("--image", "render", "--json")

@@ -55,10 +55,11 @@ def test_a_fixed_camera_is_the_same_with_inverted_poses(rng):
     np.testing.assert_allclose(SE3.inverse(fixed.T_next), hand.T_next, atol=1e-12)
 
 
-def test_few_clean_samples_are_rarely_excluded(rng):
+@pytest.mark.parametrize("trials", [40, pytest.param(120, marks=pytest.mark.slow)])
+def test_few_clean_samples_are_rarely_excluded(rng, trials):
     """With six samples the estimate follows each of them, and the variances are estimated with few deviations."""
-    lost = sum(not calibrate_hand_eye(*scene(rng, 6)[:2]).used.all() for _ in range(120))
-    assert lost < 24
+    lost = sum(not calibrate_hand_eye(*scene(rng, 6)[:2]).used.all() for _ in range(trials))
+    assert lost < 0.2 * trials
 
 
 @pytest.mark.parametrize("trials", [40, pytest.param(150, marks=pytest.mark.slow)])
