@@ -134,7 +134,7 @@ def test_the_normal_of_a_plane_has_its_largest_tilt():
         assert as_labelled_points([feature]).normal_sds == pytest.approx([2e-3])
 
 
-@pytest.mark.parametrize(("kind", "refused"), [("plane", False), ("edge", True), ("vertex", True)])
+@pytest.mark.parametrize(("kind", "refused"), [("plane", False), ("cylinder", False), ("edge", True), ("vertex", True)])
 def test_a_ball_touches_faces_but_no_edge_at_a_known_place(kind, refused):
     columns = {"features": ["f"], "kinds": [kind], "sds": [1e-4], "radii": np.array([2e-3])}
     readings = Readings.from_columns(points=np.zeros((1, 3)), directions=[[0.0, 0.0, -1.0]], **columns)
