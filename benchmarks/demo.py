@@ -29,7 +29,7 @@ def main():
     tries = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     rows = zip(range(tries), counts("information", tries), counts("random", tries), strict=True)
     with resources.as_file(resources.files("tanteo.bench.demo").joinpath(NEEDED)) as path, path.open("w") as file:
-        file.write("# readings that the demo needs: python benchmarks/demo.py\n")
+        file.write(f"# readings that the demo needs: python benchmarks/demo.py {tries}\n")
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("seed", "planned", "random"))
         writer.writerows(rows)
