@@ -106,6 +106,9 @@ REFUSED = {
     "two units": ('[{"x_mm": 1, "y_mm": 2, "z_mm": 3}, {"x_in": 1, "y_in": 2, "z_in": 3}]', "one unit"),
     "a word": ('[{"x": 1, "y": "abc", "z": 3}]', "three numbers of point 1"),
     "an infinite number": ('[{"x": 1, "y": 1e999, "z": 3}]', "three numbers of point 1"),
+    "very many digits": ('[{"x": ' + "9" * 5000 + ', "y": 1, "z": 3}]', "expected finite numbers of a point"),
+    "a name twice": ('[{"x": 1, "x": 2, "y": 2, "z": 3}]', "'x' twice"),
+    "an XML name twice": ('<a><p x="1" y="2" z="3"><x>5</x></p></a>', "'x' twice"),
     "cut off": ('[{"x": 1, "y": 2, "z": 3}, {"x": 4', "well-formed JSON"),
     "nested without end": ('[{"a":' * 5000, "JSON"),
     "cut off XML": ("<a><p x='1' y='2' z='3'/>", "well-formed XML"),
@@ -119,3 +122,9 @@ def test_other_documents_are_refused_with_a_reason(case, tmp_path):
     text, message = REFUSED[case]
     with pytest.raises(ReadingsError, match=message):
         read(tmp_path, text, "x.xml" if "XML" in case or "DTD" in case else "x.json")
+
+
+def test_rows_of_a_list_may_have_decimal_commas(tmp_path):
+    rows = [["1,5", "2,5", "3", "0,0", "0,6", "0,8"], ["1", "5", "3", "0", "0", "1"], ["4", "5", "3", "0", "0", "1"]]
+    points = read(tmp_path, json.dumps(rows)).points
+    np.testing.assert_allclose(points[0], [1.5e-3, 2.5e-3, 3e-3])

@@ -62,6 +62,10 @@ class _Point:
     measured: bool
 
 
+class _RepeatedNameError(Exception):
+    """Name that an object of a document has twice."""
+
+
 def recognise_json(contents: Contents) -> bool:
     """Return whether the file starts like a JSON object or a list of lists or objects.
 
@@ -96,16 +100,30 @@ def read_json(contents: Contents) -> Log:
         contents.fail("well-formed JSON", f"'{error.msg}'", "Export it again.", error.lineno)
     except RecursionError:
         contents.fail("a JSON document of points", "very many brackets in each other", "Write the points as a table.")
+    except _RepeatedNameError as error:
+        contents.fail("each name once in an object", f"'{error}' twice"[:80], "Remove one of the values.")
 
 
 def _parsed(text: str) -> Any:
     """Return a JSON document, or the list of the objects on its lines."""
     try:
-        return json.loads(text)
+        return _loaded(text)
     except json.JSONDecodeError as error:
         if not error.msg.startswith("Extra data"):
             raise
-    return [json.loads(line) for line in text.splitlines() if line.strip()]
+    return [_loaded(line) for line in text.splitlines() if line.strip()]
+
+
+def _loaded(text: str) -> Any:
+    """Return a JSON document with whole numbers as words, since Python limits the digits of integers."""
+    return json.loads(text, parse_int=str, object_pairs_hook=_named_once)
+
+
+def _named_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    out = dict(pairs)
+    if len(out) < len(pairs):
+        raise _RepeatedNameError(next(name for name, n in Counter(name for name, _ in pairs).items() if n > 1))
+    return out
 
 
 def read_xml(contents: Contents) -> Log:
@@ -118,7 +136,10 @@ def read_xml(contents: Contents) -> Log:
         ReadingsError: the file is malformed, or has no list of points, or several of different form.
     """
     root = xml_root(contents)
-    return _log(contents, {tag(root): _as_object(root)}, "an XML document")
+    try:
+        return _log(contents, {tag(root): _as_object(root)}, "an XML document")
+    except _RepeatedNameError as error:
+        contents.fail("each name once in an element", f"'{error}' twice"[:80], "Remove one of the values.")
 
 
 def _as_object(element: Any) -> Any:
@@ -130,6 +151,8 @@ def _as_object(element: Any) -> Any:
     if not children and not element.attrib:
         return text
     out: dict[str, Any] = {str(name).rpartition("}")[2]: value for name, value in element.attrib.items()}
+    if both := out.keys() & children.keys():
+        raise _RepeatedNameError(min(both))
     out |= {name: some[0] if len(some) == 1 else some for name, some in children.items()}
     return out | ({"value": text} if text and "value" not in out else {})
 
@@ -165,7 +188,10 @@ def _log(contents: Contents, document: Any, words: str) -> Log:
         contents.fail("vectors of one kind", "normals and vectors I J K", "Keep one of them.")
     shape = "circle" if measured[0].diameter or _kind_of(measured[0].path) in _CENTRES else None
     features = [
-        Feature(k, one.name, shape, "", one.place, one.vector, one.diameter) for k, one in enumerate(measured, start=1)
+        Feature(
+            k, one.name, shape, "", _with_points(one.place), _with_points(one.vector), *_with_points([one.diameter])
+        )
+        for k, one in enumerate(measured, start=1)
     ]
     log = log_of(contents, features, units.pop() or None, notes)
     if not is_normal or log.outward is None or shape:
@@ -198,7 +224,11 @@ def _collect(node: Any, path: tuple[str, ...], about: dict[str, str], found: lis
 
 def _of_row(row: list[Any], path: tuple[str, ...], about: dict[str, str]) -> _Point:
     words = [str(one) for one in row]
-    vector = words[3:6] if len(row) >= 6 and abs(np.linalg.norm([float(w) for w in row[3:6]]) - 1) < 1e-3 else []
+    vector = (
+        words[3:6]
+        if len(row) >= 6 and abs(np.linalg.norm([float(w) for w in _with_points(words[3:6])]) - 1) < 1e-3
+        else []
+    )
     return _Point(path, "", words[:3], vector, False, "", about.get("unit", ""), *_side(path))
 
 
@@ -266,6 +296,11 @@ def _is_number(value: Any) -> bool:
     if isinstance(value, str):
         return re.fullmatch(r"\s*[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?\s*", value, re.ASCII) is not None
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _with_points(words: list[str]) -> list[str]:
+    """Return numbers with decimal points instead of commas."""
+    return [word.replace(",", ".") for word in words]
 
 
 def _key(name: str) -> str:
