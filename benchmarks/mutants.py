@@ -139,6 +139,27 @@ def _fails(folder: Path, tests: str) -> bool:
     return done.returncode != 0
 
 
+_ONLY_THE_COPY = """import sys
+sys.meta_path = [one for one in sys.meta_path if not type(one).__name__.startswith("ScikitBuild")]
+"""
+"""Module that Python imports at its start: an editable installation would import the unchanged project instead."""
+
+
+def _import_the_copy(folder: Path) -> None:
+    """Make programs in the copy import it, with the compiled core of this environment, and check that they do."""
+    from tanteo._core import native
+
+    shutil.copy(native.__file__, folder / "src" / "tanteo" / "_core")
+    (folder / "src" / "sitecustomize.py").write_text(_ONLY_THE_COPY)
+    command = [sys.executable, "-c", "import tanteo; print(tanteo.__file__)"]
+    environment = {**os.environ, "PYTHONPATH": str(folder / "src")}
+    found = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.strip()
+    if not found.startswith(str(folder)):
+        raise RuntimeError(
+            f"tests would import {found} instead of the changed copy in {folder}: remove it from the path"
+        )
+
+
 def _limited() -> None:
     """Limit the processor time of the process, so that a busy machine changes no result."""
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 5))
@@ -157,6 +178,7 @@ def run(count: int, seed: int, keep: Path | None) -> list[dict[str, object]]:
             shutil.copytree(ROOT / entry, folder / entry, ignore=shutil.ignore_patterns("__pycache__"))
         for entry in ("pyproject.toml", "README.md"):
             shutil.copy(ROOT / entry, folder / entry)
+        _import_the_copy(folder)
         for package in TESTS:
             for tests in TESTS[package]:
                 if _fails(folder, tests):

@@ -187,6 +187,18 @@ def test_normals_of_copies_differ_by_their_tilt_at_most(tilt):
     assert np.quantile(angles, 0.99) < tilt  # a vertex may be nearest to another triangle than its own
 
 
+@pytest.mark.parametrize("tilt_sd", [0.3, 0.1])
+def test_sensed_normals_limit_the_tilt_of_copies(large, tilt_sd):
+    kept = copy_of(large, Resolution(5e-3, tilt_sd))
+    exact, copy = Surface(large.vertices, large.triangles), Surface(kept.vertices, kept.triangles)
+    middles = large.vertices[large.triangles].mean(axis=1)[::50]
+    own = exact.normals[exact.closest(middles).triangles]
+    other = copy.normals[copy.closest(middles).triangles]
+    angles = np.arccos(np.clip(np.sum(own * other, axis=1), -1, 1))
+    assert len(kept.triangles) < len(large.triangles)
+    assert np.quantile(angles, 0.98) < 0.3 * tilt_sd + 0.01  # facets of the mesh itself differ from its smooth shape
+
+
 def test_large_meshes_are_located_as_without_copies(monkeypatch):
     vertices, triangles = ball(40)
     vertices = 0.05 * vertices

@@ -146,7 +146,7 @@ class Rig(Value):
             response: what the devices report of their cones, one of :data:`~tanteo.sensors.presets.RESPONSES`.
 
         Raises:
-            InputError: the response is none of them.
+            InputError: the response is unknown.
         """
         return replace(self, sensors=tuple(replace(sensor, response=response) for sensor in self.sensors))
 

@@ -99,8 +99,8 @@ def image_candidates(
 ) -> tuple[tuple[ImageEdges, ...], dict[int, Transforms]]:
     """Return the images of an object as factors, and poses of each part that any of them proposes.
 
-    Every image proposes poses in its region of the object; all of them score the poses. An unknown object has the edges
-    that the best pose explains.
+    Every image proposes poses in its region of the object, and rates those of the others. An unknown object has the
+    edges that the best pose explains.
 
     Args:
         models: candidate parts.

@@ -150,8 +150,8 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
     if (blurred || seen.is_one_plane()) cast(SOME_RAYS, true);
     const bool smooth = seen.is_one_plane() && static_cast<int>(hits.size()) == FEW_RAYS;
     if (!blurred && !smooth) {
-        // rays of which half or more would pass a part that covers little of the cone are put about it; a random ray is
-        // known to its cell, a mean as well as all cells
+        // where the part covers less than half of the cone, rays are placed about the part only. The place of a random ray
+        // is known to one cell of the raster, so that few rays suffice; a mean needs all cells
         const bool whole = seen.covered() > 0.5, mean = of_mean + of_strongest > 0;
         cast(mean ? ALL_RAYS : SOME_RAYS, whole);
         if (hits.size() < FEW_HITS) cast(mean ? DENSE_RAYS : ALL_RAYS, whole);

@@ -83,7 +83,7 @@ def fit_curved(
         Kind and fields of :class:`Face` that describe it; ``freeform`` without fields if no simple surface passes
         through all corners.
     """
-    if len(centres) > _MANY:  # what does not fit some of the facets does not fit all of them
+    if len(centres) > _MANY:  # a surface that does not fit a sample of the facets does not fit all facets
         some, few = (np.arange(0, n, 1 + n // _SOME) for n in (len(corners), len(centres)))
         kind, _ = fit_curved(corners[some], between[some], centres[few], normals[few], areas[few], _LOOSER * precision)
         if kind == "freeform":
