@@ -52,6 +52,13 @@ def test_a_preset_of_the_sensor_has_its_rate_of_outliers(run, tmp_path):
     assert unknown(*rare) < 0.95 * unknown()
     assert "outliers   0.1 %" in run("sensor", "show", "touch_trigger_cnc").out
 
+    readings = tanteo.read_readings(path)  # in Python as on the command line
+    rare, usual = (
+        tanteo.locate(readings, part, sensor=sensor, bias_sd=1e-6).unknown_probability
+        for sensor in ("touch_trigger_cnc", None)
+    )
+    assert rare < 0.95 * usual
+
 
 def test_the_unknown_object_has_its_stated_prior(run, tmp_path):
     """Eight touches, all on the part, that leave most of it unseen."""
