@@ -117,7 +117,7 @@ def stock(p, d, groups, rng):
 
 
 KINDS = {
-    "none": (none, ()), "offset": (offset, (Offset(3e-4),)),
+    "none": (none, ()), "offset": (offset, (Offset(3e-4),)), "common": (offset, (Offset(3e-4, common=True),)),
     "offset xy, z": (offset_xy_z, (OffsetByAxes(3e-4, "xy"), OffsetByAxes(1e-4, "z"))),
     "backlash": (backlash, (Backlash(3e-4),)), "lobes": (lobes, (Lobes(1.5e-4),)),
     "group": (line, (OffsetByGroup(3e-4),)), "scale": (scale, (Scale(1e-3),)),

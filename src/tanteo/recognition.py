@@ -101,7 +101,7 @@ def identify(
         tip_sd: sds of the tip's offset in the hand's frame [m], one draw for the run. If none are stated and the
             readings have poses of the hand, they are 0.3 mm, or 2 mm if the readings contradict that, and a finding
             has the estimate; zeros for an exact tip.
-        bias_sd: sd of an error along the approach that all readings share [m]: of the ball's radius, the trigger point.
+        bias_sd: sd of an offset along the approach [m], one across and one along z: of the trigger point, the radius.
         shared_errors: further errors that readings share: scale, drift, form, stock; see
             :mod:`tanteo.sensors.error_states`.
         rig: where range sensors sit on the hand.

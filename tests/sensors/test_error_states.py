@@ -30,7 +30,7 @@ from tanteo.sensors.error_states import (
 
 SD = 1e-4
 ALL = (
-    Offset(3e-4), OffsetByAxes(3e-4, "xy"), Backlash(3e-4), Lobes(2e-4), OffsetByGroup(3e-4), Scale(1e-3),
+    Offset(3e-4, common=True), OffsetByAxes(3e-4, "xy"), Backlash(3e-4), Lobes(2e-4), OffsetByGroup(3e-4), Scale(1e-3),
     Drift(3e-4), TriggerDrift(3e-4), Form(3e-4), Stock(3e-3), FaceOffset(3e-4),
 )  # fmt: skip
 
@@ -75,12 +75,15 @@ def test_every_error_has_a_name_of_its_own():
 def test_an_offset_acts_along_each_approach(rng):
     readings = readings_of(rng)
     (J,) = measure(readings, bias_sd=1e-4).jacobians
+    np.testing.assert_allclose(J[..., 0], readings.directions.values * (1, 1, 0))
+    np.testing.assert_allclose(J[..., 1], readings.directions.values * (0, 0, 1))
+    (J,) = measure(readings, shared_errors=(Offset(1e-4, common=True),)).jacobians
     np.testing.assert_allclose(J[..., 0], readings.directions.values)
 
 
 def test_offsets_of_all_axes_are_one_offset(rng):
     readings = readings_of(rng)
-    (whole,) = measure(readings, shared_errors=(Offset(1e-4),)).jacobians
+    (whole,) = measure(readings, shared_errors=(Offset(1e-4, common=True),)).jacobians
     xy, z = measure(readings, shared_errors=(OffsetByAxes(1e-4, "xy"), OffsetByAxes(1e-4, "z"))).jacobians
     np.testing.assert_allclose(xy + z, whole)
 

@@ -93,8 +93,8 @@ BiasSd = Annotated[
     _errors(
         "--bias-sd",
         "[NAME=]LENGTH,...",
-        "Standard deviation of an offset along the approach that all readings share, as 0.05mm; by axes of the "
-        "approach (xy=0.02mm,z=0.01mm), backlash=, lobes=, or of each value of the column group=.",
+        "Standard deviation of an offset along the approach, one across and one along z, as 0.05mm; or xy=, z=, "
+        "common= (the same in all directions), backlash=, lobes=, group= (of each value of the column group).",
     ),
     Words(error_options.bias),
 ]

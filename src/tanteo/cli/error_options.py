@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 Errors = tuple["ErrorState", ...]
 
-_BIAS_NAMES = "axes such as xy or z, backlash, lobes, or group"
+_BIAS_NAMES = "common, axes such as xy or z, backlash, lobes, or group"
 
 
 def bias(text: str) -> Errors:
@@ -33,7 +33,7 @@ def bias(text: str) -> Errors:
         if name and set(name) <= set("xyz") and len(set(name)) == len(name):
             return e.OffsetByAxes(sd, name)
         classes: dict[str, Callable[[float], ErrorState]] = {
-            "": e.Offset, "backlash": e.Backlash, "lobes": e.Lobes, "group": e.OffsetByGroup
+            "": e.Offset, "common": lambda sd: e.Offset(sd, common=True), "backlash": e.Backlash, "lobes": e.Lobes, "group": e.OffsetByGroup
         }  # fmt: skip
         if name not in classes:
             raise MisuseError(f"--bias-sd: expected {_BIAS_NAMES}, got '{name}'. Write it as xy=0.02mm,z=0.01mm.")

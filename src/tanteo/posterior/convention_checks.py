@@ -319,12 +319,12 @@ def _offset_answer(
     except TanteoError:
         return None
     if not trials:
-        return _shared_answer(readings, parts, question, Offset(sd), settings)
+        return _shared_answer(readings, parts, question, Offset(sd, common=True), settings)
     kept = [trial for trial in trials if not trial.rejects(settings.search.explained)]
     if not kept or kept[0].is_without_offset(settings.search.gate):
         return None
     some = [trial.part.part for trial in kept]
-    return _shared_answer(_aimed(readings, kept[0]), some, question, Offset(sd), settings.brief, len(parts))
+    return _shared_answer(_aimed(readings, kept[0]), some, question, Offset(sd, common=True), settings.brief, len(parts))
 
 
 def _shared_answer(

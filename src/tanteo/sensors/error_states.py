@@ -117,18 +117,30 @@ class ErrorState(ABC):
 
 @dataclass(frozen=True, slots=True)
 class Offset(ErrorState):
-    """One offset along all approaches [m]: of the ball's radius, the trigger point or the zero."""
+    """Offset along the approach [m]: of the trigger point, the zero or the ball's radius.
 
+    Approaches along z of the world have an offset of their own, since most probes, feeds and allowances differ between
+    the sides and the top. A slanted approach has each offset in the measure in which it runs along its axes.
+
+    Attributes:
+        common: whether the offset is exactly the same for all directions, as that of a wrong ball radius.
+    """
+
+    common: bool = False
     name: ClassVar[str] = "offset"
     along_aim: ClassVar[bool] = True
 
     def columns(self, sensed: Sensed) -> Columns:
-        """Return the approach directions.
+        """Return the approach directions, whole or by their parts across and along z.
 
         Args:
             sensed: the readings.
         """
-        return Columns(sensed.aimed()[..., None], ("offset of all readings along the approach",))
+        aims = sensed.aimed()
+        if self.common:
+            return Columns(aims[..., None], ("offset of all readings along the approach",))
+        parts = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]).T
+        return Columns(aims[:, :, None] * parts, ("offset of approaches along xy", "offset of approaches along z"))
 
 
 @dataclass(frozen=True, slots=True)

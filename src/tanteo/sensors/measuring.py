@@ -64,8 +64,8 @@ def measure(
         sd: standard deviation along the beam or normal [m], for rows without their own.
         tip_sd: standard deviations of the tip's offset in the hand frame ``(3,)`` [m], one draw for the run; zeros for
             an exact tip.
-        bias_sd: standard deviation of an error along the approach shared by all readings [m], such as of the ball's
-            radius, the trigger point or the zero; it adds to those of presets and rigs. Short for ``Offset(bias_sd)``.
+        bias_sd: standard deviation of an offset along the approach [m], one across and one along z of the world, such
+            as of the trigger point; it adds to those of presets and rigs. Short for ``Offset(bias_sd)``.
         shared_errors: further errors that readings share, such as ``Scale(1e-4)``; see
             :mod:`tanteo.sensors.error_states`.
         rig: poses of the range sensors on the hand.

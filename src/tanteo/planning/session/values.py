@@ -32,8 +32,8 @@ class Sensing(Value):
         rig: mounting of the range sensors on the hand.
         tolerance: standard deviation of the real surface from the CAD surface [m], mostly common to a face; see
             :func:`tanteo.sensors.error_states.made_surface`.
-        bias_sd: standard deviation of an error along the approach that all readings share, such as that of the ball's
-            radius or of the trigger point [m].
+        bias_sd: standard deviation of an offset along the approach [m], one across and one along z of the world, such
+            as of the trigger point or the ball's radius.
         shared_errors: further errors that readings share; see :mod:`tanteo.sensors.error_states`.
 
     Example:

@@ -203,7 +203,7 @@ def _(one: f.OffsetQuestion) -> Words:
     return (
         f"{_fitting(one)} if the surface is {1e3 * abs(one.offset):.2g} mm {where} the {what} than "
         f"measured.{_tried(one)}"
-    ), f"{check}.{stock} Otherwise state the offset by direction (--bias-sd xy={size},z={size})."
+    ), f"{check}.{stock} Otherwise state the offset (--bias-sd {'' if one.touched else 'common='}{size})."
 
 
 @words_of.register
