@@ -55,6 +55,19 @@ def test_every_offset_has_its_number(name, p, rng):
     assert f"G10 L2 P{p} X" in written(name, upright(rng, 0.0)).text
 
 
+def test_heidenhain_shifts_and_turns_the_datum(rng):
+    frame = upright(rng, 0.0)
+    got = written("heidenhain", frame)
+    lines = got.text.splitlines()
+    shift = [float(re.fullmatch(rf"CYCL DEF 7\.{k} [XYZ]([+-][\d.]+)", lines[2 + k])[1]) for k in (1, 2, 3)]
+    np.testing.assert_allclose(shift, 1e3 * frame.T[:3, 3], atol=1e-3)
+    turn = float(re.fullmatch(r"CYCL DEF 10\.1 ROT([+-][\d.]+)", lines[-1])[1])
+    R = SO3.axis_rotation(2, np.radians(turn))
+    assert np.linalg.norm((CORNERS @ R.T + frame.T[:3, 3]) - SE3.apply(frame.T, CORNERS), axis=1).max() < 1e-5
+    with pytest.raises(InputError, match="farthest corner"):
+        written("heidenhain", upright(rng, np.radians(2.0)))
+
+
 def test_a_tilt_is_reported_at_the_far_corner(rng):
     frame = upright(rng, np.radians(2.0))
     got = written("G54", frame, accept_lost=True)

@@ -58,8 +58,8 @@ Wcs = Annotated[
     _output(
         "--wcs",
         "FRAME",
-        "Print the lines that set this work frame to the pose: G54, haas:G54, fanuc:G54, siemens:G54, fanuc:1, kuka:1, "
-        "abb:NAME, ...",
+        "Print the lines that set this work frame to the pose: G54, haas:G54, fanuc:G54, siemens:G54, heidenhain, "
+        "fanuc:1, kuka:1, abb:NAME, ...",
     ),
     typed.Words(_work_frame),
 ]

@@ -33,7 +33,8 @@ def bias(text: str) -> Errors:
         if name and set(name) <= set("xyz") and len(set(name)) == len(name):
             return e.OffsetByAxes(sd, name)
         classes: dict[str, Callable[[float], ErrorState]] = {
-            "": e.Offset, "common": lambda sd: e.Offset(sd, common=True), "backlash": e.Backlash, "lobes": e.Lobes, "group": e.OffsetByGroup
+            "": e.Offset, "common": lambda sd: e.Offset(sd, common=True), "backlash": e.Backlash, "lobes": e.Lobes,
+            "group": e.OffsetByGroup,
         }  # fmt: skip
         if name not in classes:
             raise MisuseError(f"--bias-sd: expected {_BIAS_NAMES}, got '{name}'. Write it as xy=0.02mm,z=0.01mm.")

@@ -324,7 +324,9 @@ def _offset_answer(
     if not kept or kept[0].is_without_offset(settings.search.gate):
         return None
     some = [trial.part.part for trial in kept]
-    return _shared_answer(_aimed(readings, kept[0]), some, question, Offset(sd, common=True), settings.brief, len(parts))
+    return _shared_answer(
+        _aimed(readings, kept[0]), some, question, Offset(sd, common=True), settings.brief, len(parts)
+    )
 
 
 def _shared_answer(

@@ -166,9 +166,7 @@ class Problem:
             self._factors.extend(self.points.compiled(outlier_log_density(self.points, self.priors)))
         return self._factors
 
-    def compiled(
-        self, prepared: PreparedPart, *, with_prior: bool = True, with_table: bool = True
-    ) -> _core.Problem:
+    def compiled(self, prepared: PreparedPart, *, with_prior: bool = True, with_table: bool = True) -> _core.Problem:
         """Return the problem of one part for the core, with or without the prior densities of its pose and a table."""
         t, rays = self.points, self.rays
         rates, weights = outlier_rates(self.priors.outlier_rate, len(t))

@@ -4,6 +4,7 @@ Sources: LinuxCNC ``G10 L2 P R`` (G-code reference, "Set Coordinate System"; the
 Haas' pages on programmable offsets (``G10 L2 P1 G90``, no rotation) and on ``G68`` (rotation of the programmed values
 about a point of the work frame, three decimals of a degree), which FANUC's controls of machine tools have, too; Siemens
 ``$P_UIFR[n] = CTRANS(..) : CROT(..)``, whose angles turn about Z, Y', X'' (SINUMERIK, Function Manual K2, "Frames");
+Heidenhain's cycles 7 (datum shift) and 10 (rotation, three decimals of a degree) of its user's manuals;
 FANUC ``PR[n,k]=`` and ``UFRAME[n]=`` of robots (public TP programs); KUKA ``BASE_DATA`` and ``$BASE``; ABB
 ``wobjdata``; URScript pose variables. A work offset of a 3-axis machine rotates about z at most. A frame is refused if
 the omitted rotation moves a corner of the part by more than :data:`LOST`; below, a warning states the displacement.
@@ -37,8 +38,8 @@ _TILT = np.radians(45.0)
 _NOTABLE = 1e-6
 """Position error at a corner above which a warning is given [m]."""
 
-_Turn = Literal["none", "R", "G68"]
-"""How a work offset rotates about z: not at all, by its ``R`` word, or by a modal ``G68`` after it."""
+_Turn = Literal["none", "R", "rounded"]
+"""How a work offset rotates about z: not at all, by its ``R`` word, or by a modal code with three decimals after it."""
 
 LOST = 1e-4
 """Displacement of a corner by the omitted rotation above which a frame is refused [m]; the user accepts it by name."""
@@ -133,11 +134,32 @@ def yaw_only(T: Transforms) -> Transforms:
     return SE3.from_parts(SO3.axis_rotation(2, angle), T[:3, 3])
 
 
-def _offset(
-    where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, accept_lost: bool, turn: _Turn
-) -> WrittenFrame:
+@dataclass(frozen=True, slots=True)
+class _AboutZ:
+    """Frame that rotates about z only.
+
+    Attributes:
+        x, y, z: origin, as text [mm].
+        a: rotation about z, as text [deg].
+        lost: what the omitted rotation displaces; empty if it is negligible.
+    """
+
+    x: str
+    y: str
+    z: str
+    a: str
+    lost: str
+
+
+def _about_z(
+    where: WorkFrame, frame: UncertainFrame, corners: Vectors, accept_lost: bool, turn: _Turn, name: str
+) -> _AboutZ:
+    """Return the frame without its tilt, and what this displaces.
+
+    Raises:
+        InputError: the omitted rotation displaces a corner by more than 0.1 mm, or the part's z axis is tilted.
+    """
     T = frame.T
-    slot = where.slot
     tilt = float(np.arccos(np.clip(T[2, 2], -1.0, 1.0)))
     if tilt > _TILT:
         raise InputError(
@@ -146,27 +168,37 @@ def _offset(
         )
     nearest = yaw_only(T)
     x, y, z, a, _, _ = brand_fields("kuka", UncertainFrame(nearest, frame.C))
-    a = {"none": "0", "G68": f"{float(a):.3f}", "R": a}[turn]
+    a = {"none": "0", "rounded": f"{float(a):.3f}", "R": a}[turn]
     kept_part = SE3.from_parts(SO3.axis_rotation(2, np.radians(float(a))), T[:3, 3])
     off = float(np.linalg.norm(SE3.apply(T, corners) - SE3.apply(kept_part, corners), axis=-1).max())
     what = f"a tilt of {np.degrees(tilt):.3g} deg"
     if turn == "none":
         yaw = np.degrees(np.arctan2(nearest[1, 0], nearest[0, 0]))
         what = f"any rotation of the part (it is turned by {yaw:.4g} deg)"
-    lost = f"{slot} cannot represent {what}: the part's farthest corner is {1e3 * off:.3g} mm off."
+    lost = f"{name} cannot represent {what}: the part's farthest corner is {1e3 * off:.3g} mm off."
     if off > LOST and not accept_lost:
         raise InputError(
-            f"--wcs: expected a frame that holds the part to {1e3 * LOST:g} mm, got {where.controller}:{slot}. {lost} "
-            "Align the part, write its pose (--as matrix), or state --accept-turn-lost."
+            f"--wcs: expected a frame that holds the part to {1e3 * LOST:g} mm, got {where.controller}:{where.slot}. "
+            f"{lost} Align the part, write its pose (--as matrix), or state --accept-turn-lost."
         )
+    return _AboutZ(x, y, z, a, lost if off > _NOTABLE else "")
+
+
+def _offset(
+    where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, accept_lost: bool, turn: _Turn
+) -> WrittenFrame:
+    """Return a work offset of a machine that reads G-code."""
+    slot = where.slot
+    at = _about_z(where, frame, corners, accept_lost, turn, slot)
+    x, y, z, a = at.x, at.y, at.z, at.a
     of = f"coordinates of {where.within}" if where.within else "machine coordinates (G53), without work offset"
     warnings = [f"positions of the readings are taken as {of}."]
     after = []
-    if turn == "G68" and float(a):
+    if turn == "rounded" and float(a):
         after = [slot, f"G17 G68 X0. Y0. R{a}"]
         warnings.insert(0, f"G68 turns {slot} until G69 or the end of the program, and is an option of the control.")
-    if off > _NOTABLE:
-        warnings.insert(0, lost)
+    if at.lost:
+        warnings.insert(0, at.lost)
     words = f"X{x} Y{y} Z{z}" + (f" R{a}" if turn == "R" else "")
     before: list[str] = []
     if where.within:
@@ -219,7 +251,7 @@ def _fanuc_frame(
 ) -> WrittenFrame:
     """Return a work offset of a machine tool, or the TP program of a robot."""
     if where.slot in OFFSETS:
-        return _offset(where, frame, corners, note, accept_lost, "G68")
+        return _offset(where, frame, corners, note, accept_lost, "rounded")
     return _fanuc(where, frame, corners, note, accept_lost)
 
 
@@ -233,6 +265,20 @@ def _siemens(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __:
         "positions of the readings are taken as machine coordinates (G53), without work offset.",
         "the angles are RPY angles, which the control uses unless MD10600 is 2.",
     ))  # fmt: skip
+
+
+def _heidenhain(
+    where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, accept_lost: bool
+) -> WrittenFrame:
+    """Return a datum shift and a rotation in the working plane, relative to the active preset."""
+    at = _about_z(where, frame, corners, accept_lost, "rounded", "cycle 10")
+    lines = [f"; {note}", "; readings relative to the active preset, millimetres", "CYCL DEF 7.0 DATUM SHIFT"]
+    shift = zip("XYZ", (at.x, at.y, at.z), strict=True)
+    lines += [f"CYCL DEF 7.{k} {axis}{float(value):+.4f}" for k, (axis, value) in enumerate(shift, 1)]
+    lines += ["CYCL DEF 10.0 ROTATION", f"CYCL DEF 10.1 ROT{float(at.a):+.3f}"]
+    taken = "positions of the readings are taken as relative to the active preset, without a datum shift or rotation."
+    warnings = ((at.lost,) if at.lost else ()) + (taken, "cycles 7 and 10 act until they are programmed with 0.")
+    return WrittenFrame("\n".join([*lines, ""]), warnings)
 
 
 def _kuka(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __: bool) -> WrittenFrame:
@@ -260,8 +306,9 @@ CONTROLLERS: Mapping[str, tuple[str, str, str, _Writer]] = MappingProxyType(
     {
         "linuxcnc": (_G + r"|G59\.[1-3]", "G54", "G54", partial(_offset, turn="R")),
         "grbl": (_G, "G54", "G54", partial(_offset, turn="none")),
-        "haas": (_G, "G54", "G54", partial(_offset, turn="G68")),
+        "haas": (_G, "G54", "G54", partial(_offset, turn="rounded")),
         "siemens": (r"G5[4-7]", "G54", "G54", _siemens),
+        "heidenhain": ("shift", "shift", "shift", _heidenhain),
         "fanuc": (_G + "|[1-9]", "G54 (machine tool) or fanuc:1 (robot)", "1", _fanuc_frame),
         "kuka": (r"[1-9]|[12]\d|3[0-2]", "1", "1", _kuka),
         "abb": (_NAME, "wobj_part", "wobj_part", _abb),
