@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tanteo
 from bare_scenes import surface_points
 from tanteo import Readings, locate, read_part
 from tanteo.parts import Surface
@@ -85,3 +86,16 @@ def test_an_answer_in_python_carries_typed_findings():
     for sign, kinds in ((1, ["directions"]), (-1, [])):
         readings = Readings.from_columns(points=points, directions=sign * normals, sds=np.full(20, 1e-4))
         assert [one.kind for one in locate(readings, part).findings if one.role == "question"] == kinds
+
+
+@pytest.mark.parametrize(("jitter", "named"), [(5e-4, True), (0.0, False)])
+def test_an_error_of_each_scan_line_is_noticed(jitter, named):
+    part, rng = read_part(PARTS / "housing.step"), np.random.default_rng(4)
+    points, normals = surface_points(Surface(part.vertices, part.triangles), 72, rng)
+    order = np.lexsort((points[:, 1], np.round(points[:, 0], 2)))
+    points, normals = points[order], normals[order]
+    lines = np.repeat(np.arange(12), 6)
+    moved = points + (jitter * rng.normal(size=12)[lines] + 1e-4 * rng.normal(size=72))[:, None] * normals
+    near = tanteo.PosePrior(T_world_part=np.eye(4), covariance=np.diag(np.repeat([1e-3, 0.01], 3)) ** 2)
+    answer = locate(Readings.from_columns(points=moved, sds=np.full(72, 1e-4)), part, priors=tanteo.Priors(pose=near))
+    assert any(one.kind == "neighbours_alike" for one in answer.findings) == named

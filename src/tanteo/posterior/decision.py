@@ -24,6 +24,7 @@ from tanteo.posterior.diagnostics import (
     face_elsewhere,
     mostly_on,
     mostly_on_part,
+    neighbours_alike,
     on_furniture,
     outlier_finding,
     scattered,
@@ -129,7 +130,7 @@ def verdict_of(
     if found and status != "insufficient":
         more.append(face_elsewhere(posterior.problem.points, found[0], unknown, priors))
     if found:
-        more.append(on_furniture(found[0]))
+        more += [on_furniture(found[0]), neighbours_alike(found[0])]
     if found and hypotheses and priors.pose is not None and priors.pose.table is not None:
         more.append(_on_other_side(found[0], hypotheses[0], priors.pose.table))
     if found and status in ("ambiguous", "insufficient"):

@@ -6,7 +6,7 @@ import numpy as np
 
 from tanteo.factors import ContactPoints
 from tanteo.geometry.limits import NOTABLE, SUSPECT
-from tanteo.geometry.special import binomial_cdf
+from tanteo.geometry.special import binomial_cdf, chi2_quantile
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.answers.results import Hypothesis
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
@@ -16,6 +16,7 @@ from tanteo.words.findings import (  # fmt: skip
     FaceDisplaced,
     LabelsContradicted,
     MostlyOnPart,
+    NeighboursAlike,
     OnFurniture,
     Outliers,
     Scatter,
@@ -81,6 +82,27 @@ def on_furniture(one: GoodnessOfFit) -> OnFurniture | None:
     counts = [(name, int(np.sum(on_it & (furniture.which == k)))) for k, name in enumerate(furniture.names)]
     found = tuple((name, count) for name, count in counts if count)
     return OnFurniture(len(on_it), found) if found else None
+
+
+_MANY = 30
+"""Definition: number of readings from which the correlation of neighbours is tested: a scan, not single touches."""
+
+
+def neighbours_alike(one: GoodnessOfFit) -> NeighboursAlike | None:
+    """Return the finding that residuals of neighbouring points are correlated; None if they are not.
+
+    The number of independent points is that of a first-order autoregressive process (Priestley 1981, sec. 5.3.2).
+    """
+    residuals = (one.at.distances[0] * one.per_stated_sd)[one.inliers]
+    n = len(residuals)
+    if n < _MANY:
+        return None
+    off = residuals - residuals.mean()
+    correlation = float(off[1:] @ off[:-1] / max(float(off @ off), 1e-300))
+    independent = max(round(n * (1 - correlation) / (1 + correlation)), 1)
+    if correlation < 0 or n * correlation**2 < chi2_quantile(1 - SUSPECT, 1) or 2 * independent > n:
+        return None
+    return NeighboursAlike(correlation, n, independent)
 
 
 def scattered(best: Hypothesis, worst: WorstReading | None, *, unknown: bool = False) -> Scatter | None:

@@ -208,6 +208,22 @@ class Scatter(Finding):
 
 
 @dataclass(frozen=True, slots=True)
+class NeighboursAlike(Finding):
+    """Neighbouring readings of the file have similar residuals: their errors are not independent.
+
+    Attributes:
+        correlation: correlation of the residuals of neighbouring readings.
+        count: number of readings.
+        independent: number of independent readings that are as exact.
+    """
+
+    kind: ClassVar[str] = "neighbours_alike"
+    correlation: float
+    count: int
+    independent: int
+
+
+@dataclass(frozen=True, slots=True)
 class AssumedTip(Finding):
     """Poses of the hand are given, and the error of the tip's offset is not stated.
 

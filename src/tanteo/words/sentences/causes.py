@@ -149,6 +149,14 @@ def _(one: f.Scatter) -> Words:
 
 
 @words_of.register
+def _(one: f.NeighboursAlike) -> Words:
+    return (
+        f"Neighbouring readings of the file have similar errors (correlation {one.correlation:.2f}): {one.count:,} are "
+        f"as exact as about {one.independent} independent ones."
+    ), "State what they share: each scan line (column line and --bias-sd group=), or the part's form (--warp-sd)."
+
+
+@words_of.register
 def _(one: f.AssumedTip) -> Words:
     why = f", because the readings contradict {millimetres(TIP_SD)}" if one.sd > TIP_SD else ""
     text = f"The error of the tip's offset is not stated: {millimetres(one.sd)} (1 sd) is assumed{why} (--tip-sd)."
