@@ -98,4 +98,4 @@ def test_an_error_of_each_scan_line_is_noticed(jitter, named):
     moved = points + (jitter * rng.normal(size=12)[lines] + 1e-4 * rng.normal(size=72))[:, None] * normals
     near = tanteo.PosePrior(T_world_part=np.eye(4), covariance=np.diag(np.repeat([1e-3, 0.01], 3)) ** 2)
     answer = locate(Readings.from_columns(points=moved, sds=np.full(72, 1e-4)), part, priors=tanteo.Priors(pose=near))
-    assert any(one.kind == "neighbours_alike" for one in answer.findings) == named
+    assert any(one.kind == "correlated_readings" for one in answer.findings) == named

@@ -21,10 +21,10 @@ from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.contradictions import NEAR, PlaneBeside, outlier_or_variant
 from tanteo.posterior.diagnostics import (
     against_labels,
+    correlated_readings,
     face_elsewhere,
     mostly_on,
     mostly_on_part,
-    neighbours_alike,
     on_furniture,
     outlier_finding,
     scattered,
@@ -130,7 +130,7 @@ def verdict_of(
     if found and status != "insufficient":
         more.append(face_elsewhere(posterior.problem.points, found[0], unknown, priors))
     if found:
-        more += [on_furniture(found[0]), neighbours_alike(found[0])]
+        more += [on_furniture(found[0]), correlated_readings(found[0])]
     if found and hypotheses and priors.pose is not None and priors.pose.table is not None:
         more.append(_on_other_side(found[0], hypotheses[0], priors.pose.table))
     if found and status in ("ambiguous", "insufficient"):

@@ -13,10 +13,10 @@ from tanteo.posterior.fit_at_mode import GoodnessOfFit
 from tanteo.posterior.near_variants import log_density_by_surfaces, log_density_of_design, shifted
 from tanteo.posterior.outliers import beta_binomial_tail
 from tanteo.words.findings import (  # fmt: skip
+    CorrelatedReadings,
     FaceDisplaced,
     LabelsContradicted,
     MostlyOnPart,
-    NeighboursAlike,
     OnFurniture,
     Outliers,
     Scatter,
@@ -88,7 +88,7 @@ _MANY = 30
 """Definition: number of readings from which the correlation of neighbours is tested: a scan, not single touches."""
 
 
-def neighbours_alike(one: GoodnessOfFit) -> NeighboursAlike | None:
+def correlated_readings(one: GoodnessOfFit) -> CorrelatedReadings | None:
     """Return the finding that residuals of neighbouring points are correlated; None if they are not.
 
     The number of independent points is that of a first-order autoregressive process (Priestley 1981, sec. 5.3.2).
@@ -102,7 +102,7 @@ def neighbours_alike(one: GoodnessOfFit) -> NeighboursAlike | None:
     independent = max(round(n * (1 - correlation) / (1 + correlation)), 1)
     if correlation < 0 or n * correlation**2 < chi2_quantile(1 - SUSPECT, 1) or 2 * independent > n:
         return None
-    return NeighboursAlike(correlation, n, independent)
+    return CorrelatedReadings(correlation, n, independent)
 
 
 def scattered(best: Hypothesis, worst: WorstReading | None, *, unknown: bool = False) -> Scatter | None:

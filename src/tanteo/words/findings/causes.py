@@ -208,7 +208,7 @@ class Scatter(Finding):
 
 
 @dataclass(frozen=True, slots=True)
-class NeighboursAlike(Finding):
+class CorrelatedReadings(Finding):
     """Neighbouring readings of the file have similar residuals: their errors are not independent.
 
     Attributes:
@@ -217,7 +217,7 @@ class NeighboursAlike(Finding):
         independent: number of independent readings that are as exact.
     """
 
-    kind: ClassVar[str] = "neighbours_alike"
+    kind: ClassVar[str] = "correlated_readings"
     correlation: float
     count: int
     independent: int

@@ -149,7 +149,7 @@ def _(one: f.Scatter) -> Words:
 
 
 @words_of.register
-def _(one: f.NeighboursAlike) -> Words:
+def _(one: f.CorrelatedReadings) -> Words:
     return (
         f"Neighbouring readings of the file have similar errors (correlation {one.correlation:.2f}): {one.count:,} are "
         f"as exact as about {one.independent} independent ones."
