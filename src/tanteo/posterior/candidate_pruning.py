@@ -34,7 +34,6 @@ from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals import InitialPoses
 from tanteo.posterior.proposals.built_in import (  # fmt: skip
     KnownPoses,
-    PosesOfOtherParts,
     planes_at,
     poses_on_planes,
 )
@@ -471,29 +470,27 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
     """Carry out more rounds of active parts, while missed maxima may matter.
 
     Touches of a small region fit many places of many parts, and a wrong part fits at a larger noise. The search of the
-    right one often reaches its maximum only after several rounds, so all parts get as many as a leader.
+    right one often reaches its maximum only after several rounds, so all parts get as many as a leader. Otherwise the
+    parts share a number of rounds, and those with the largest missed evidence get them.
     """
-    while live:
-        own = live[0].settings
+    count, own = len(live), live[0].settings if live else None
+    while live and own is not None:
         total = float(log_sum([s.log_evidence for s in searches]))
         best = max(live, key=lambda s: s.log_evidence)
         may_be_missed = _may_be_missed(live[0].objective.problem, live)
-        share = max(own.rounds // 2, 3 * own.rounds // len(live))
-        if may_be_missed and len(live) <= best.objective.problem.settings.pruning.unfixed:
-            share = max(share, own.rounds)
+        budget = max(own.rounds // 2 * count, 3 * own.rounds)
+        if may_be_missed and count <= best.objective.problem.settings.pruning.unfixed:
+            budget = max(budget, own.rounds * count)
         left = [
             s
             for s in live
-            if (
-                s.restarts < min(own.rounds, share)
-                and s.log_rare() > (s.log_evidence if may_be_missed else total) + np.log(own.missing)
-            )
-            or (
-                s is best
-                and s.restarts < min(own.rounds + own.rounds // 2, share)
-                and (s.is_doubtful() or s.is_noisy())
+            if s.restarts < own.rounds + (own.rounds // 2 if s is best else 0)
+            and (
+                s.log_missed() > (s.log_evidence if may_be_missed else total) + np.log(own.missing)
+                or (s is best and (s.is_doubtful() or s.is_noisy()))
             )
         ]
+        left = sorted(left, key=lambda s: -s.log_missed())[: max(budget - sum(s.restarts for s in live), 0)]
         for search in left:
             search.restart()
         if not left:
@@ -532,12 +529,12 @@ def _pass_on(searches: Sequence[PartSearch]) -> None:
     """
     leaders = searches[0].objective.problem.settings.pruning.leaders if searches else 0
     order = sorted((s for s in searches if len(s.peaks)), key=lambda s: -s.log_evidence)[:leaders]
-    leading, proposer = [(s, s.peaks.Ts[:1]) for s in order], PosesOfOtherParts()
+    leading = [(s, s.peaks.Ts[:1], s.peaks.groups[:1]) for s in order]
     planes = [(planes_at(search.objective, search.peaks), int(search.peaks.groups[0])) for search in order]
     for search in searches:
-        poses = [Ts for other, Ts in leading if other is not search]
+        poses = [InitialPoses(Ts, sources) for other, Ts, sources in leading if other is not search]
         if poses:
-            search.pass_on(np.concatenate(poses), proposer)
+            search.add(InitialPoses.joined(poses))
         for one, sources in planes:
             Ts = poses_on_planes(one, search.objective)
             search.add(InitialPoses(Ts, np.full(len(Ts), sources)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import BoolArray, Indices, Transforms
 from tanteo.plugins import guarded
 from tanteo.posterior.details import details_at
+from tanteo.posterior.missed_maxima import log_missed
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals import PROPOSERS, InitialPoses, PriorSamples, Proposer, SearchState, proposers
@@ -50,7 +51,6 @@ class PartSearch:
     known: Transforms | None = None
     exhaustive: bool = False
     log_odds: float = 0.0
-    _others: Transforms = field(default_factory=lambda: np.zeros((0, 4, 4)))
 
     @property
     def settings(self) -> SearchSettings:
@@ -62,10 +62,9 @@ class PartSearch:
         """Return the log-evidence of all maxima and their symmetric images, without constant factors of the prior."""
         return self._constant + float(log_sum(self.peaks.evidence)) if len(self.peaks) else -np.inf
 
-    def log_rare(self) -> float:
-        """Return the log-evidence of maxima that fewer than ``sure_sources`` sources found."""
-        rare = self.peaks.evidence[self.peaks.times < self.settings.sure_sources]
-        return self._constant + float(log_sum(rare)) if len(rare) else -np.inf
+    def log_missed(self) -> float:
+        """Return the log-evidence of the maxima that the search is expected to have missed."""
+        return self._constant + log_missed(self.peaks.evidence, self.peaks.times)
 
     @property
     def _constant(self) -> float:
@@ -101,7 +100,7 @@ class PartSearch:
         objective = self.objective
         state = SearchState(
             objective, effort or self.settings.effort, self.restarts, self.rng, self.pairs, self.planes, self.known,
-            self.exhaustive, self._others, self.peaks, self.is_doubtful,
+            self.exhaustive, self.peaks, self.is_doubtful,
         )  # fmt: skip
         with guarded(PROPOSERS.origin(proposer.name), "a proposer of initial poses"):
             found = proposer.propose(objective.problem, objective.prepared, state)
@@ -128,17 +127,6 @@ class PartSearch:
         rest = objective.maximize(Ts, groups=sources)
         near = objective.maximize(np.ascontiguousarray(found.Ts[refined]), groups=found.sources[refined], fine=True)
         self.peaks = objective.merged(self.peaks, rest.join(near), self.settings.maximized)
-
-    def pass_on(self, Ts: Transforms, proposer: Proposer) -> None:
-        """Maximize from the best poses of other parts.
-
-        Args:
-            Ts: poses of the other parts ``(S, 4, 4)``.
-            proposer: proposer that reads them.
-        """
-        self._others = Ts
-        self.propose(proposer)
-        self._others = Ts[:0]
 
     def _take_other_points(self) -> None:
         """Choose other points for proposals and refinement."""

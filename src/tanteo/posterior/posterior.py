@@ -11,6 +11,7 @@ from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.posterior.candidate_pruning import Unsearched, prune
 from tanteo.posterior.details import details_at
+from tanteo.posterior.missed_maxima import log_missed
 from tanteo.posterior.near_variants import log_density_of_near_variant
 from tanteo.posterior.part_search import PartSearch, common_random_numbers, start_search
 from tanteo.posterior.prepared import PreparedPart
@@ -33,7 +34,7 @@ class Posterior:
         modes: modes, best first.
         unknown: probability of the unknown object.
         log_evidence: log-evidence of the measurements over all parts and the unknown object.
-        missing: probability of missed maxima, estimated from those that only one source found (Good and Turing).
+        missing: probability of missed maxima, estimated from the numbers of sources that led to those found.
             The modes share what it leaves of their probability.
         searches: searches of the parts.
         log_priors: log of the prior probability of the searched parts ``(P,)``.
@@ -176,12 +177,12 @@ def weigh(
 def _missing(modes: Sequence[Mode]) -> float:
     """Return the probability of the modes that the search missed, as a fraction of all modes, found and missed.
 
-    With a flat prior of the rate at which a source finds a mode, as many are missed as one source alone found. This
-    holds for any number of sources (compare Good 1953), so the mass of both is equal.
+    ``missed_maxima`` derives the estimate.
     """
+    if not modes:
+        return 0.0
     masses = np.array([mode.log_mass for mode in modes])
-    rare = masses[[mode.sources < 2 for mode in modes]]
-    share = float(np.exp(log_sum(rare) - log_sum(masses))) if len(rare) else 0.0
+    share = float(np.exp(log_missed(masses, np.array([mode.sources for mode in modes])) - log_sum(masses)))
     return share / (1 + share)
 
 

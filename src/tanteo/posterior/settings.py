@@ -71,9 +71,7 @@ class SearchSettings:
         curvature_error: error of a log-evidence by curvature (Laplace) that is allowed for [nats]. Row hard_prior_4.
         steps: largest number of Levenberg-Marquardt steps. Row touch.
         step_gain: gain in log density at which a maximization ends [nats]. Row touch.
-        sure_sources: number of independent sources from which a maximum counts as surely found: a search misses it with
-            probability 2^-sure_sources. Good (1953); ``benchmarks/missed.py``.
-        missing: probability of rarely found maxima at which the search of a part ends. ``benchmarks/missed.py``.
+        missing: estimated probability of missed maxima at which the search of a part ends. ``benchmarks/missed.py``.
         rounds: number of rounds of a search; half as many again while the best pose has unexpected outliers.
             ``benchmarks/missed.py``.
         explained: fraction of the points that a part has on its surface if it explains them. Decision 85.
@@ -113,7 +111,6 @@ class SearchSettings:
     curvature_error: float = 2.0
     steps: int = 20
     step_gain: float = 1e-3
-    sure_sources: int = 4
     missing: float = 0.02
     rounds: int = 8
     explained: float = 0.9
@@ -245,6 +242,8 @@ class SampleSettings:
             ridge can have a hundred times the mass that its curvature suggests.
         enough: number of effective samples of a mode: the relative standard error of a variance is the square root of
             2 / 300, a twelfth. Decision 61.
+        probability_sd: standard deviation of the probability of the best mode, by its samples, above which more rounds
+            follow. Five seeds then differ by less than 0.05: ``python benchmarks/cliffs.py seeds``.
         more: largest number of samples of a component in a later round. Flat from 300 to 800: ``python
             benchmarks/sweep.py samples.more 300 400 800 --rows touch=16 prior=16``.
         most: largest number of samples for one effective sample. Flat from 4 to 16: ``python benchmarks/sweep.py
@@ -277,6 +276,7 @@ class SampleSettings:
     full_gap: float = 5.0
     few_gap: float = 9.0
     enough: int = 300
+    probability_sd: float = 0.015
     more: int = 400
     most: int = 8
     rounds: int = 5

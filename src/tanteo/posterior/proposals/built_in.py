@@ -17,9 +17,10 @@ from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals.centre_triples import from_centres
 from tanteo.posterior.proposals.plane_votes import plane_poses
-from tanteo.posterior.proposals.proposer import InitialPoses, Proposer, SearchState
+from tanteo.posterior.proposals.proposer import BITS, EARLIER, InitialPoses, Proposer, SearchState
 from tanteo.posterior.proposals.sensed_planes import Planes, SensedPlanes, sensed_planes
 from tanteo.posterior.sampling.peaks import Objective, Peaks, scores_of
+from tanteo.posterior.settings import SearchSettings
 
 
 @final
@@ -32,7 +33,9 @@ class KnownPoses(Proposer):
         """Propose the known poses once."""
         if state.round or state.known is None:
             return InitialPoses.none()
-        return InitialPoses.exhaustive(state.known) if state.exhaustive else InitialPoses.unproposed(state.known)
+        if state.exhaustive:
+            return InitialPoses.exhaustive(state.known)
+        return InitialPoses(state.known, np.full(len(state.known), EARLIER))
 
 
 @final
@@ -129,17 +132,6 @@ def planes_at(objective: Objective, peaks: Peaks) -> SensedPlanes:
 
 
 @final
-class PosesOfOtherParts(Proposer):
-    """Proposer of the best poses of the leading other parts."""
-
-    name = "other-parts"
-
-    def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
-        """Propose the best poses of the leading other parts."""
-        return InitialPoses.unproposed(state.others)
-
-
-@final
 class HalfTurnsAndSlides(Proposer):
     """Proposer of half turns and slides of the best maxima, more of them if the right one is hard to find."""
 
@@ -152,21 +144,28 @@ class HalfTurnsAndSlides(Proposer):
         count = effort.moved_hard if hard else effort.moved
         if not len(state.best) or not count:
             return InitialPoses.none()
-        return InitialPoses.unproposed(
-            moved(part, state.best.Ts[:count], state.rng, problem.settings.search.spins // 2)
-        )
+        return moved(part, state.best.take(np.arange(min(count, len(state.best)))), state.rng, problem.settings.search)
 
 
-def moved(prepared: PreparedPart, Ts: Transforms, rng: np.random.Generator, slides: int) -> Transforms:
+def moved(prepared: PreparedPart, peaks: Peaks, rng: np.random.Generator, settings: SearchSettings) -> InitialPoses:
     """Return poses after half turns about axes through the part's middle, and after slides along its axes.
+
+    All half turns are tried, so that they are found as surely as the maximum itself. A slide is a random sample. It has
+    one source of the maximum, so that slides back to the maximum add no source.
 
     Args:
         prepared: the part.
-        Ts: poses ``(S, 4, 4)``.
+        peaks: maxima.
         rng: generator of the slides.
-        slides: number of slides of each pose.
+        settings: settings of the search.
     """
-    return np.concatenate([rotated(prepared, Ts), translated(prepared, Ts, rng, slides)])
+    turned, slid = rotated(prepared, peaks.Ts), translated(prepared, peaks.Ts, rng, settings.spins // 2)
+    bits = np.left_shift(1, np.arange(BITS + 1))
+    found = np.asarray(peaks.groups[:, None] & bits, dtype=bool)
+    which = np.argmax(found[:, None] * rng.random((len(peaks), len(slid) // len(peaks), len(bits))), axis=-1)
+    one = np.where((peaks.groups != 0)[:, None], bits[which], 0)
+    sources = np.concatenate([np.repeat(peaks.groups, len(turned) // len(peaks)), one.ravel()])
+    return InitialPoses(np.concatenate([turned, slid]), sources)
 
 
 def translated(prepared: PreparedPart, Ts: Transforms, rng: np.random.Generator, count: int) -> Transforms:

@@ -20,6 +20,9 @@ BITS = 60
 """Numerical: number of independent sources that are counted separately, as bits of a 64-bit number. A maximum that four
 of them found counts as surely found, so that more bits change no count that matters."""
 
+EARLIER = 1 << BITS
+"""Source of the poses that earlier stages found on coarse fields or an image, independent of those of the search."""
+
 EXHAUSTIVE = (1 << BITS) - 1
 """Sources of exhaustive poses: every bit, so that their maxima count as surely found."""
 
@@ -95,7 +98,6 @@ class SearchState:
         planes: planes from labels and sensed normals.
         known: poses that earlier stages of candidate pruning or an image found; None if there are none.
         exhaustive: whether the known poses are all poses that the measurements allow.
-        others: best poses of leading other parts ``(S, 4, 4)``.
         best: maxima so far, best first.
         is_doubtful: function that returns whether the best maximum has more outliers than expected.
     """
@@ -108,7 +110,6 @@ class SearchState:
     planes: SensedPlanes
     known: Transforms | None
     exhaustive: bool
-    others: Transforms
     best: Peaks
     is_doubtful: Callable[[], bool]
 

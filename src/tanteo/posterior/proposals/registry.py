@@ -9,12 +9,11 @@ from tanteo.posterior.proposals.built_in import (
     HalfTurnsAndSlides,
     KnownPoses,
     PlanePoses,
-    PosesOfOtherParts,
 )
 from tanteo.posterior.proposals.drawn import PointPairs, PriorSamples
 from tanteo.posterior.proposals.proposer import Proposer
 
-_FIRST = PointPairs(), CentreTriples(), FactorPoses(), KnownPoses(), PlanePoses(), PriorSamples(), PosesOfOtherParts()
+_FIRST = PointPairs(), CentreTriples(), FactorPoses(), KnownPoses(), PlanePoses(), PriorSamples()
 _LAST = HalfTurnsAndSlides()
 
 PROPOSERS: Registry[Proposer] = Registry("tanteo.proposals", Proposer, {one.name: one for one in (*_FIRST, _LAST)})

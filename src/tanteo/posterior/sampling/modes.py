@@ -77,13 +77,12 @@ def modes_of(sampler: Sampler, least: float = -np.inf) -> list[Mode]:
         return []
     W = sampler.weights(float(sampler.log_weights.max()))[:, None] * sampler.shares
     sums = W.sum(axis=0)
-    common = np.stack([W[rows, k] @ sampler.shares[rows] for k, rows in enumerate(map(np.flatnonzero, W.T))])
-    together = (common > sampler.settings.min_fraction * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
+    together = with_common_samples(sampler) & sampled & sampled[:, None]
     inside = _inside(sampler)
     together |= inside & sampled & sampled[:, None]
     together |= _in_one_valley(sampler, np.flatnonzero(sampled))
     top, out = float(sampler.log_weights.max()), []
-    for rows in _groups(together):
+    for rows in groups_of(together):
         if not sampled[rows].any():
             continue
         log_mass = float(mass[rows[0]]) if len(rows) == 1 else float(np.log(sums[rows].sum())) + top
@@ -91,6 +90,14 @@ def modes_of(sampler: Sampler, least: float = -np.inf) -> list[Mode]:
     apart = ~sampled & ~inside[sampled].any(axis=0)  # maxima in a sampled region are part of that mode
     masses = sampler.peaks.evidence + sampler.log_constant
     return out + [_by_curvature(sampler, k, float(masses[k[0]])) for k in np.flatnonzero(apart)[:, None]]
+
+
+def with_common_samples(sampler: Sampler) -> np.ndarray:
+    """Return which maxima share a notable fraction of their weighted samples ``(m, m)``."""
+    W = sampler.weights(float(sampler.log_weights.max()))[:, None] * sampler.shares
+    sums = W.sum(axis=0)
+    common = np.stack([W[rows, k] @ sampler.shares[rows] for k, rows in enumerate(map(np.flatnonzero, W.T))])
+    return np.asarray(common > sampler.settings.min_fraction * np.minimum(sums[:, None], sums))
 
 
 def _in_one_valley(sampler: Sampler, rows: IntArray) -> np.ndarray:
@@ -137,7 +144,7 @@ def _by_curvature(sampler: Sampler, rows: IntArray, log_mass: float) -> Mode:
     )  # fmt: skip
 
 
-def _groups(together: np.ndarray) -> list[IntArray]:
+def groups_of(together: np.ndarray) -> list[IntArray]:
     """Return the connected components of a relation ``(m, m)``."""
     label = np.arange(len(together))
     for k, row in enumerate(together):

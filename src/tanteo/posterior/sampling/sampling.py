@@ -8,6 +8,7 @@ import numpy as np
 
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, IntArray
+from tanteo.posterior.sampling.modes import groups_of, with_common_samples
 from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.posterior.settings import POSE_DOF
 
@@ -16,7 +17,8 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
     """Draw samples in rounds until every important mode has enough.
 
     Where there are too few measurements for a pose, or no maximum is more probable than all other explanations, no
-    answer needs the shape of the modes: fewer rounds and samples give the probability of each part.
+    answer needs the shape of the modes. Fewer rounds and samples give the probabilities, and more follow only while the
+    probability of the best mode is less exact than ``probability_sd``.
 
     Args:
         samplers: samplers of the parts.
@@ -39,11 +41,40 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
         total = float(log_sum([log_none, *(float(log_sum(m)) for m, _ in masses)]))
         own = samplers[0].settings
         shaped = fixed and max(float(m.max(initial=-np.inf)) for m, _ in masses) > total + np.log(0.5)
-        rounds = rounds if shaped else min(rounds, own.few_rounds)
-        limits = own.first if shaped else own.shape, own.more if fixed else own.first
-        wants = [_wanted(s, mass - total, ess, limits) for s, (mass, ess) in zip(samplers, masses, strict=True)]
+        needs, sd = _needs_of_probability(samplers, masses, total)
+        rounds = own.rounds if (shaped and fixed) or sd > own.probability_sd else min(rounds, own.few_rounds)
+        limits = own.first if shaped else own.shape, own.more if fixed or sd > own.probability_sd else own.first
+        more = not shaped and k >= own.few_rounds  # further rounds are for the probability alone
+        wants = [
+            _wanted(s, mass - total, ess, limits, need, shape=not more)
+            for s, (mass, ess), need in zip(samplers, masses, needs, strict=True)
+        ]
         if not any(want.any() for want in wants):
             break
+
+
+def _needs_of_probability(
+    samplers: Sequence[Sampler], masses: Sequence[tuple[FloatArray, FloatArray]], total: float
+) -> tuple[list[FloatArray], float]:
+    """Return the effective samples that the probability of the best mode needs, and its standard deviation.
+
+    With relative variance ``1 / ess`` of each mass, the probability ``P`` of the best mode ``B`` has the variance
+    ``sum_k a_k^2 / ess_k``, where ``a_k = p_k (1 - P)`` for its maxima and ``a_k = p_k P`` for all others. The fewest
+    effective samples for a standard deviation ``s`` are ``a_k sum(a) / s^2`` (Neyman 1934).
+    """
+    best, P = (0, np.zeros(0, dtype=np.int64)), 0.0
+    for i, (sampler, (log_mass, _)) in enumerate(zip(samplers, masses, strict=True)):
+        for rows in groups_of(with_common_samples(sampler)) if np.isfinite(log_mass).any() else ():
+            own = float(np.exp(log_mass[rows] - total).sum())
+            best, P = ((i, rows), own) if own > P else (best, P)
+    weights = [np.exp(log_mass - total) * P for log_mass, _ in masses]
+    weights[best[0]][best[1]] *= (1 - P) / max(P, 1e-300)
+    variance = sum(
+        float(np.sum(np.square(a) / np.maximum(ess, 1.0))) for a, (_, ess) in zip(weights, masses, strict=True)
+    )
+    limit = samplers[0].settings.probability_sd
+    scale = sum(float(a.sum()) for a in weights) / limit**2
+    return [scale * a for a in weights], float(np.sqrt(variance))
 
 
 def _first(sampler: Sampler, log_p: FloatArray, *, shaped: bool) -> IntArray:
@@ -69,7 +100,9 @@ def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
             s.spread(s.along, -(-s.settings.enough // s.objective.problem.settings.search.maximized))
 
 
-def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray, limits: tuple[int, int]) -> IntArray:
+def _wanted(
+    sampler: Sampler, log_p: FloatArray, ess: FloatArray, limits: tuple[int, int], least: FloatArray, *, shape: bool
+) -> IntArray:
     """Return the number of further samples of each maximum; adapt components, and add maxima that samples show.
 
     Args:
@@ -77,6 +110,8 @@ def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray, limits: tuple[
         log_p: log probability of each maximum ``(m,)``.
         ess: effective number of its samples ``(m,)``.
         limits: smallest and largest number of samples to draw of a maximum that has too few.
+        least: effective number that the probabilities need ``(m,)``.
+        shape: whether to draw also the samples that the shapes of the modes need.
     """
     own, p = sampler.settings, np.exp(log_p)
     if not np.isfinite(sampler.log_weights.max(initial=-np.inf)):  # nearly all is outside a box: sample more
@@ -84,6 +119,7 @@ def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray, limits: tuple[
     if sampler.local.any():
         return _wanted_along(sampler, p)
     need = np.clip(2 * own.enough * p, own.shape, own.enough) * (p > own.min_probability)
+    need = np.maximum(need, least) if shape else least
     worth = np.clip(ess / np.maximum(sampler.counts(), 1), 1 / own.most, 1)  # effective samples for each drawn
     want = np.where(ess < need, np.clip((need - ess) / worth, *limits), 0).astype(np.int64)
     if not want.any():

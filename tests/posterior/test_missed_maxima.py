@@ -1,0 +1,45 @@
+"""Maxima that a search has missed: their estimated number, and answers that hardly depend on the seed of the search."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import tanteo
+from bare_scenes import box_centred_pose, surface_points
+from tanteo.geometry import SE3
+from tanteo.posterior import prepare
+from tanteo.posterior.missed_maxima import log_missed
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "parts"
+SD = 1e-4
+
+
+def test_the_estimate_is_unbiased_and_scatters_less_than_good():
+    """Rates are uniform up to 12, where a maximum is hardly ever missed; 40 maxima a search."""
+    rng = np.random.default_rng(3)
+    counts = rng.poisson(rng.uniform(0, 12, size=(4000, 40)))
+    missed = (counts == 0).sum(axis=1)
+    estimates = np.array([np.exp(log_missed(np.zeros(np.sum(c > 0)), c[c > 0])) for c in counts])
+    sd = (estimates - missed).std() / np.sqrt(len(counts))
+    assert abs((estimates - missed).mean()) < 4 * sd
+    assert estimates.std() < 0.8 * (counts == 1).sum(axis=1).std()
+
+
+def test_a_sure_search_has_missed_nothing_and_an_empty_one_too():
+    assert log_missed(np.zeros(1), np.array([60])) < np.log(1e-15)
+    assert log_missed(np.zeros(0), np.zeros(0, dtype=np.int64)) == -np.inf
+    assert log_missed(np.zeros(1), np.array([0])) == log_missed(np.zeros(1), np.array([1]))
+
+
+def test_seeds_agree_where_touches_are_few():
+    """Five or six touches leave many poses, some of which few sources find."""
+    parts = [tanteo.read_part(EXAMPLES / f"{n}.step") for n in ("block", "bracket_left", "housing", "step_12mm")]
+    for name, seed, n in (("housing", 1, 6), ("block", 0, 5)):
+        own, rng = prepare(next(p for p in parts if p.name == name)), np.random.default_rng(seed)
+        points = SE3.apply(box_centred_pose(rng), surface_points(own, n, rng)[0]) + SD * rng.normal(size=(n, 3))
+        readings = tanteo.Readings.from_columns(points=points, sds=np.full(n, SD))
+        answers = [tanteo.identify(readings, parts, seed=search) for search in range(2)]
+        assert np.ptp([dict(answer.parts)[name] for answer in answers]) < 0.05
+        assert max(answer.missed_probability for answer in answers) < 0.2
