@@ -10,7 +10,7 @@ import tanteo
 from bare_scenes import box_centred_pose, surface_points
 from tanteo.geometry import SE3
 from tanteo.posterior import prepare
-from tanteo.posterior.missed_maxima import log_missed
+from tanteo.posterior.sampling.peaks import log_missed
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "parts"
 SD = 1e-4

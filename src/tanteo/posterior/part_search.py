@@ -11,13 +11,12 @@ from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import BoolArray, Indices, Transforms
 from tanteo.plugins import guarded
 from tanteo.posterior.details import details_at
-from tanteo.posterior.missed_maxima import log_missed
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals import PROPOSERS, InitialPoses, PriorSamples, Proposer, SearchState, proposers
 from tanteo.posterior.proposals.drawn import along_ridge, far_pairs, from_prior
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
-from tanteo.posterior.sampling.peaks import Objective, Peaks, prior_sds, scales_for, spread_rows
+from tanteo.posterior.sampling.peaks import Objective, Peaks, log_missed, prior_sds, scales_for, spread_rows
 from tanteo.posterior.settings import POSE_DOF, Effort, SearchSettings
 from tanteo.posterior.symmetry import log_orbit
 

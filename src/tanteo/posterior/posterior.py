@@ -11,14 +11,13 @@ from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.posterior.candidate_pruning import Unsearched, prune
 from tanteo.posterior.details import details_at
-from tanteo.posterior.missed_maxima import log_missed
 from tanteo.posterior.near_variants import log_density_of_near_variant
 from tanteo.posterior.part_search import PartSearch, common_random_numbers, start_search
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals import InitialPoses
 from tanteo.posterior.sampling.modes import Mode, modes_of
-from tanteo.posterior.sampling.peaks import Objective, Peaks
+from tanteo.posterior.sampling.peaks import Objective, Peaks, log_missed
 from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.posterior.sampling.sampling import sample
 from tanteo.posterior.symmetry import log_orbit
@@ -177,7 +176,7 @@ def weigh(
 def _missing(modes: Sequence[Mode]) -> float:
     """Return the probability of the modes that the search missed, as a fraction of all modes, found and missed.
 
-    ``missed_maxima`` derives the estimate.
+    :func:`~tanteo.posterior.sampling.peaks.log_missed` derives the estimate.
     """
     if not modes:
         return 0.0

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import zeta
 
 from tanteo import _core
 from tanteo.factors import ContactPoints
+from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import Covariances, FloatArray, Indices, IntArray, Transforms, Vectors
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
@@ -147,6 +149,26 @@ class Peaks:
         return cls(
             np.zeros((0, 4, 4)), np.zeros((0, states)), empty, np.zeros((0, K, K)), empty, np.zeros(0, dtype=np.int64)
         )
+
+
+def log_missed(log_masses: FloatArray, sources: IntArray) -> float:
+    """Return the log of the total mass of the maxima that a search is expected to have missed.
+
+    If sources lead to a maximum at a Poisson rate with a flat prior, and ``c`` sources found it, then
+
+        E[exp(-rate) / (1 - exp(-rate)) | c] = zeta(c + 1) - 1
+
+    others of the same rate were missed (Horvitz and Thompson 1952). These numbers sum to 1 over ``c``. So the mean is
+    that of the estimate by maxima with a single source (Good 1953), with less scatter.
+
+    Args:
+        log_masses: log masses of the maxima that were found ``(n,)``.
+        sources: number of independent sources that led to each; a maximum without a source counts as one with a single
+            source ``(n,)``.
+    """
+    if not len(log_masses):
+        return -np.inf
+    return float(log_sum(log_masses + np.log(zeta(np.maximum(sources, 1) + 1.0, 2.0))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
