@@ -58,6 +58,7 @@ def make_shape(
     samples: FloatArray,
     sample_normals: FloatArray,
     cells: int,
+    areas: FloatArray | None = None,
 ) -> Shape: ...
 def open_shape(buffer: NDArray[np.uint8]) -> Shape: ...
 

@@ -1,7 +1,7 @@
-"""Coarser copies of parts with very many triangles, which deviate from the part by far less than the readings' noise.
+"""Coarser copies of parts with many triangles, which deviate from the part by far less than the readings' noise.
 
-A copy has some of the vertices of the part, and all of its faces, edges and symmetry: vertices inside faces vanish.
-The search and the samples use the coarsest copy that the noise of the readings allows.
+A copy has some of the vertices of the part, and all of its faces, edges and symmetry: vertices inside faces and along
+their borders vanish. The search and the samples use the coarsest copy that the noise of the readings allows.
 """
 
 from __future__ import annotations
@@ -14,24 +14,31 @@ from tanteo import _core
 from tanteo.parts import Part
 
 LARGE = 30_000
-"""Number of triangles above which copies are used.
+"""Number of triangles above which a copy is used without a look at its size, so that its mesh may stay on disk."""
 
-The core compiles 4,000 triangles in the time in which a copy of 30,000 is made (`benchmarks/cliffs.py "first call"`).
-"""
+_SMALL = 100
+"""Number of triangles up to which the part is used: a copy is made in the time of few evaluations of 100 triangles."""
 
 SHARE = 0.1
 """Largest deviation of a copy over the smallest standard deviation of a reading: below 1 % of its variance."""
 
+SHARE_OF_MEAN = 1.0
+"""Largest deviation over the standard deviation of the mean of all readings: facets inside of a round face are two
+thirds of it from the face on average, which adds a tenth to the squared error of a position."""
+
 TILT_SHARE = 0.3
 """Largest tilt of the normals of a copy over the smallest standard deviation of a sensed normal."""
 
-_COARSEST = 1e-3
-"""Deviation of the coarsest copy over the diagonal: a quarter of the resolution of a coarse field."""
+_COARSEST = 0.016
+"""Deviation of the coarsest copy over the diagonal: the tilt limits copies before."""
 
-_FINEST = 4
-"""Number of finer copies, each with a quarter of the deviation of the last: the finest has 4 um for a part of 1 m."""
+_FIELD = 1e-3
+"""Deviation of the copy for a coarse field over the diagonal: a quarter of the resolution of the field."""
 
-_USUAL = 2
+_FINEST = 24
+"""Number of finer copies, each with half of the deviation of the last: the finest has 4 um for a part of 1 m."""
+
+_USUAL = 16
 """Number of the copy from which coarser ones are made, so that most questions need one pass over all triangles."""
 
 _SMOOTH = 0.3
@@ -45,32 +52,41 @@ class Resolution:
     Attributes:
         sd: smallest standard deviation of a point in any direction [m]; 0 for the part itself.
         tilt_sd: smallest standard deviation of a sensed normal [rad]; infinity without sensed normals.
+        count: number of readings.
     """
 
     sd: float
     tilt_sd: float = np.inf
+    count: int = 1
 
-
-COARSEST = Resolution(np.inf)
-"""Resolution of data that are quantized, such as coarse fields."""
+    @property
+    def tolerance(self) -> float:
+        """Return the largest deviation of a copy [m]."""
+        return min(SHARE, SHARE_OF_MEAN / np.sqrt(self.count)) * self.sd
 
 
 def copy_of(part: Part, resolution: Resolution) -> Part:
-    """Return the coarsest copy of a part that a resolution allows; the part itself if it is small or none is allowed.
+    """Return the coarsest copy of a part that a resolution allows; the part itself if that is not much larger.
 
-    Copies are stored with the part, and made at the first use of their triangles.
+    Copies are stored with the part. Those of large parts are made at the first use of their triangles.
 
     Args:
         part: any part.
         resolution: noise of the readings.
     """
-    if "stored" in part.derived or len(part.triangles) <= LARGE:
+    if "stored" in part.derived or len(part.triangles) <= _SMALL:
         return part  # a catalogue has the compiled shape of the part
-    level = _level(part, resolution.sd)
+    level = _level(part, resolution.tolerance)
     halvings = max(int(np.ceil(np.log2(_SMOOTH / (TILT_SHARE * resolution.tilt_sd) + 1e-300))), 0)
-    if level > _FINEST or halvings > 2 * _FINEST:
+    if level > _FINEST or halvings > _FINEST:
         return part
-    return _copy(part, level, halvings)
+    copy = _copy(part, level, halvings)
+    return copy if len(part.triangles) > LARGE or 4 * len(copy.triangles) <= 3 * len(part.triangles) else part
+
+
+def copy_for_field(part: Part) -> Part:
+    """Return the coarsest copy of a part for its coarse field, whose distances are quantized."""
+    return copy_of(part, Resolution(_FIELD * part.diagonal / SHARE)) if len(part.triangles) > LARGE else part
 
 
 def _copy(part: Part, level: int, halvings: int) -> Part:
@@ -81,10 +97,10 @@ def _copy(part: Part, level: int, halvings: int) -> Part:
     return copies[level, halvings]
 
 
-def _level(part: Part, sd: float) -> int:
-    """Return the number of the coarsest tolerance below a tenth of a standard deviation; 0 is the coarsest."""
-    ratio = SHARE * sd / (_COARSEST * part.diagonal)
-    return 0 if ratio >= 1 else (int(np.ceil(-np.log2(ratio) / 2)) if ratio > 0 else _FINEST + 1)
+def _level(part: Part, tolerance: float) -> int:
+    """Return the number of the coarsest copy within a tolerance; 0 is the coarsest."""
+    ratio = tolerance / (_COARSEST * part.diagonal)
+    return 0 if ratio >= 1 else (int(np.ceil(-2 * np.log2(ratio) - 1e-9)) if ratio > 0 else _FINEST + 1)
 
 
 def _opened(part: Part, level: int, halvings: int) -> Part:
@@ -99,6 +115,7 @@ def _opened(part: Part, level: int, halvings: int) -> Part:
         return known[name]
 
     copy = Part.opened(load, **others)
+    copy.derived["original"] = part
     if "key" in part.derived:
         copy.derived["key"] = f"{part.derived['key']}-{level}-{halvings}"
     return copy
@@ -106,10 +123,10 @@ def _opened(part: Part, level: int, halvings: int) -> Part:
 
 def _simplified(part: Part, level: int, halvings: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return vertices, triangles and face of each triangle of a copy."""
-    tolerance, finer = _COARSEST * part.diagonal / 4.0**level, part
+    tolerance, finer = _COARSEST * part.diagonal / 2.0 ** (level / 2), part
     if level < _USUAL and not halvings:
         finer = _copy(part, _USUAL, 0)
-        tolerance -= _COARSEST * part.diagonal / 4.0**_USUAL
+        tolerance -= _COARSEST * part.diagonal / 2.0 ** (_USUAL / 2)
     part = finer
     triangles, rows = _core.simplify(
         np.ascontiguousarray(part.vertices, dtype=np.float64), np.ascontiguousarray(part.triangles, dtype=np.int32),

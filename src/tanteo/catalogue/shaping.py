@@ -10,7 +10,7 @@ from tanteo.geometry.typing import FloatArray, IntArray, Vectors
 from tanteo.parts import Part
 from tanteo.parts.faces import exact_faces
 
-SHAPE = "shape7"
+SHAPE = "shape8"
 """Kind and version of the compiled bytes; increase the number whenever the content of a shape changes."""
 
 SAMPLES = 1024
@@ -46,6 +46,7 @@ def compiled_shape(part: Part) -> _core.Shape:
         _doubles(part.vertices), _ints(part.triangles), _ints(part.triangle_face), _ints(profile_rows),
         _doubles(profiles), _doubles(part.edges.ends).reshape(-1, 6), _doubles(part.corners.points),
         landmark_rows(part), _doubles(_hull(part)), _doubles(part.centroid), samples, _doubles(normals[rows]), _CELLS,
+        _doubles(np.array([face.area for face in part.faces])) if "original" in part.derived else None,
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.catalogue.cache import load_derived, store_derived
-from tanteo.catalogue.copies import COARSEST, copy_of
+from tanteo.catalogue.copies import copy_for_field
 from tanteo.catalogue.index import kinds
 from tanteo.catalogue.shaping import compiled_shape
 from tanteo.catalogue.stability import hull_points, stable_pose_rows
@@ -225,7 +225,7 @@ def coarse_field(part: Part, shape: Callable[[], _core.Shape]) -> tuple[np.ndarr
     if "field" not in part.derived:
         known = _stored_field(part)
         if known is None:
-            copy = copy_of(part, COARSEST)
+            copy = copy_for_field(part)
             known = _field(copy, shape() if copy is part else compiled_shape(copy))
             store_derived(part, _FIELD, known[0].tobytes() + known[1].tobytes())
         part.derived["field"] = known

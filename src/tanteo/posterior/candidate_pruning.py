@@ -529,12 +529,13 @@ def _pass_on(searches: Sequence[PartSearch]) -> None:
     """
     leaders = searches[0].objective.problem.settings.pruning.leaders if searches else 0
     order = sorted((s for s in searches if len(s.peaks)), key=lambda s: -s.log_evidence)[:leaders]
-    leading = [(s, s.peaks.Ts[:1], s.peaks.groups[:1]) for s in order]
-    planes = [(planes_at(search.objective, search.peaks), int(search.peaks.groups[0])) for search in order]
+    leading = [(s, s.peaks.take(np.zeros(1, dtype=np.int64))) for s in order]
+    planes = [planes_at(search.objective, best) for search, best in leading]
     for search in searches:
-        poses = [InitialPoses(Ts, sources) for other, Ts, sources in leading if other is not search]
+        new = [k for k, (leader, best) in enumerate(leading) if not search.has_tried(leader.objective, best)]
+        poses = [InitialPoses(leading[k][1].Ts, leading[k][1].groups) for k in new if leading[k][0] is not search]
         if poses:
             search.add(InitialPoses.joined(poses))
-        for one, sources in planes:
-            Ts = poses_on_planes(one, search.objective)
-            search.add(InitialPoses(Ts, np.full(len(Ts), sources)))
+        for k in new:
+            Ts = poses_on_planes(planes[k], search.objective)
+            search.add(InitialPoses(Ts, np.full(len(Ts), leading[k][1].groups[0])))

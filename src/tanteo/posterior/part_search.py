@@ -50,6 +50,7 @@ class PartSearch:
     known: Transforms | None = None
     exhaustive: bool = False
     log_odds: float = 0.0
+    _tried: dict[int, Peaks] = field(default_factory=dict)
 
     @property
     def settings(self) -> SearchSettings:
@@ -126,6 +127,21 @@ class PartSearch:
         rest = objective.maximize(Ts, groups=sources)
         near = objective.maximize(np.ascontiguousarray(found.Ts[refined]), groups=found.sources[refined], fine=True)
         self.peaks = objective.merged(self.peaks, rest.join(near), self.settings.maximized)
+
+    def has_tried(self, other: Objective, best: Peaks) -> bool:
+        """Return whether the best maximum of a part was tried on this part before, as surely found; if not, note it.
+
+        Args:
+            other: objective of that part.
+            best: its best maximum.
+        """
+        known = self._tried.get(id(other.prepared), Peaks.none(other.problem.states))
+        enough = min(float(best.times[0]), -np.log2(self.settings.missing))  # more sources change no missed probability
+        sure = known.take(np.flatnonzero(known.times >= enough))
+        if len(sure) and not len(other.unlike(best, sure)):
+            return True
+        self._tried[id(other.prepared)] = known.join(best)
+        return False
 
     def _take_other_points(self) -> None:
         """Choose other points for proposals and refinement."""

@@ -105,13 +105,18 @@ class Problem:
 
     @property
     def resolution(self) -> Resolution:
-        """Return the noise of the points, at the least scale that its prior expects; 0 without points."""
+        """Return the noise of the points, at the least scale that its prior expects.
+
+        It is 0 without points, and if other measurements, such as images, know the parts themselves.
+        """
         points = self.points
-        if not len(points):
+        if not len(points) or self.pose_factors:
             return Resolution(0.0)
         least = float(np.sqrt(max(np.linalg.eigvalsh(points.covs)[:, 0].min(), 0.0)))
         return Resolution(
-            least * math.exp(-self.scale_sd), float(points.normal_sds.min()) if points.oriented.any() else math.inf
+            least * math.exp(-self.scale_sd),
+            float(points.normal_sds.min()) if points.oriented.any() else math.inf,
+            len(points),
         )
 
     @property

@@ -1,5 +1,6 @@
 // Python bindings: arrays in, arrays out; every loop runs without the interpreter's lock.
 #include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
@@ -8,6 +9,7 @@
 
 #include <cmath>
 #include <memory>
+#include <optional>
 
 #include "proposals/axes.hpp"
 #include "bindings/conversion.hpp"
@@ -71,7 +73,7 @@ constexpr int MOST_LANDMARKS = ModelAxes::KINDS - 1;
 
 std::unique_ptr<Shape> make_shape(Doubles vertices, Ints triangles, Ints faces, Ints profile_rows, Doubles profiles,
                                   Doubles edges, Doubles corners, Doubles axes, Doubles hull, Doubles centre, Doubles samples,
-                                  Doubles sample_normals, int cells) {
+                                  Doubles sample_normals, int cells, const std::optional<Doubles>& areas) {
     Solid solid;
     solid.vertices = vectors(vertices, "vertices");
     const size_t count = faces.size();
@@ -106,6 +108,8 @@ std::unique_ptr<Shape> make_shape(Doubles vertices, Ints triangles, Ints faces, 
         refuse("samples", "expected at least one, each with a normal, and a hull");
     expect(cells, "cells", 4, 256);
     solid.centre = vector(centre, "centre");
+    if (areas) solid.areas.assign(areas->data(), areas->data() + areas->size());
+    for (const double area : solid.areas) expect(area, "areas", 0, 1e300);
     nb::gil_scoped_release release;
     return std::make_unique<Shape>(std::move(solid), cells);
 }
@@ -580,7 +584,8 @@ NB_MODULE(native, m) {
         .def("add", [](Problem& problem, std::shared_ptr<const PoseTerm> term) { problem.terms.push_back(std::move(term)); },
              "term"_a);
     m.def("make_shape", &make_shape, "vertices"_a, "triangles"_a, "faces"_a, "profile_rows"_a, "profiles"_a, "edges"_a,
-          "corners"_a, "axes"_a, "hull"_a, "centre"_a, "samples"_a, "sample_normals"_a, "cells"_a);
+          "corners"_a, "axes"_a, "hull"_a, "centre"_a, "samples"_a, "sample_normals"_a, "cells"_a,
+          "areas"_a = nb::none());
     m.def("open_shape", &open_shape, "buffer"_a, nb::keep_alive<0, 1>());
     nb::class_<FactorList>(m, "FactorList").def("__len__", [](const FactorList& list) { return list.all.size(); });
     m.def("make_factors", &factors_of, "kind"_a, "columns"_a);

@@ -86,7 +86,8 @@ struct ShapeNumbers {
     int grid_shape[3] = {0, 0, 0}, unused = 0;
 };
 
-// Input of a shape. Triangles are rows of three vertices, each with its face, and with its profile or -1.
+// Input of a shape. Triangles are rows of three vertices, each with its face, and with its profile or -1. Areas are those of
+// the faces that the triangles represent; empty: those of the triangles.
 struct Solid {
     std::vector<Vec3> vertices;
     std::vector<int> triangles, faces, profile_rows;
@@ -95,6 +96,7 @@ struct Solid {
     std::vector<RoundAxis> axes;
     std::vector<Vec3> corners, hull, samples, sample_normals;
     Vec3 centre;
+    std::vector<double> areas;
 };
 
 class Shape : public ShapeNumbers {

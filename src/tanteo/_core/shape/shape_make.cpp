@@ -38,6 +38,12 @@ Shape::Shape(Solid solid, int cells)
     diagonal = T ? norm(all.hi - all.lo) : 0;
     if (!(area > 0) || !std::isfinite(area * diagonal))
         throw std::invalid_argument("triangles: expected a positive finite area, got zero or infinity.");
+    if (!solid.areas.empty()) {
+        if (solid.areas.size() < areas.size())
+            throw std::invalid_argument("areas: expected one for each face, got too few.");
+        areas = std::move(solid.areas);
+        area = std::accumulate(areas.begin(), areas.end(), 0.0);
+    }
     normals = std::move(across);
     face_area = std::move(areas);
     for (const Segment& e : edges) edge_length += e.length;

@@ -12,24 +12,98 @@ constexpr double NEEDLE = 0.01;      // least ratio of height to longest side of
 constexpr double SHORT = 0.01;       // cost of the length of a collapsed edge, over that of its height: it chooses on planes
 constexpr int TRIED = 3;             // number of adjacent vertices that are tried
 
-Simplifier::Simplifier(const std::vector<Vec3>& points, const int* corners, const int* faces, size_t count)
-    : triangles(corners, corners + 3 * count), rows(count), vertices(points), normals(points.size()),
-      fixed(points.size(), 0), first(count, -1), after(points.size(), -1), stamp(points.size(), 0) {
-    std::vector<int> face_at(points.size(), -1);
+Simplifier::Simplifier(const std::vector<Vec3>& points, const int* corners, const int* face_of, size_t count)
+    : triangles(corners, corners + 3 * count), rows(count), vertices(points), faces(face_of), normals(points.size()),
+      face_at(points.size(), -1), border_at(points.size(), -1), fixed(points.size(), 0), first(count, -1),
+      after(points.size(), -1), stamp(points.size(), 0) {
     for (size_t t = 0; t < count; ++t) {
         rows[t] = static_cast<int>(t);
         const int* c = &triangles[3 * t];
         const Vec3 across = cross(points[c[1]] - points[c[0]], points[c[2]] - points[c[0]]);
         for (int j = 0; j < 3; ++j) {
-            normals[c[j]] += across;
-            if (face_at[c[j]] >= 0 && face_at[c[j]] != faces[t]) fixed[c[j]] = 1;
-            face_at[c[j]] = faces[t];
+            const int v = c[j];
+            if (face_at[v] < 0) face_at[v] = faces[t];
+            if (face_at[v] == faces[t]) {
+                normals[v] += across;
+                continue;
+            }
+            if (border_at[v] < 0) {
+                border_at[v] = static_cast<int>(borders.size());
+                borders.emplace_back();
+                borders.back().face = faces[t];
+            }
+            Border& border = borders[border_at[v]];
+            if (border.face != faces[t]) fixed[v] = 1;
+            else border.normal += across;
         }
     }
     for (Vec3& n : normals) n = unit(n);
+    for (Border& border : borders) border.normal = unit(border.normal);
     connect();
-    for (size_t v = 0; v < points.size(); ++v)
-        if (!fixed[v] && !find_ring(static_cast<int>(v))) fixed[v] = 1;
+    for (int v = 0; v < static_cast<int>(points.size()); ++v)
+        if (!fixed[v] && !(find_ring(v) && (border_at[v] < 0 || find_ends(v)))) fixed[v] = 1;
+}
+
+const Vec3* Simplifier::normal_of(int vertex, int face) const {
+    if (face_at[vertex] == face) return &normals[vertex];
+    const int row = border_at[vertex];
+    return row >= 0 && borders[row].face == face ? &borders[row].normal : nullptr;
+}
+
+// Finds the two neighbours of a vertex along the border between its faces, in its ring; returns whether it has just two.
+bool Simplifier::find_ends(int u) {
+    int count = 0;
+    const int at = border_at[u];
+    for (size_t k = 0; k < ring.size(); ++k) {
+        const Side& before = ring[k ? k - 1 : ring.size() - 1];
+        if (faces[rows[before.triangle]] == faces[rows[ring[k].triangle]]) continue;
+        if (count == 2) return false;
+        borders[at].ends[count++] = ring[k].from;
+    }
+    return count == 2;
+}
+
+// Whether the border stays near, if u moves to its end k, and separates the same faces.
+bool Simplifier::keeps_border(int u, int k, double limit) const {
+    const Border& border = borders[border_at[u]];
+    const int from = border.ends[!k], to = border.ends[k];
+    for (const Side& side : ring) {  // a triangle with both ends vanishes: another one of its face has to follow
+        if (!((side.from == from && side.to == to) || (side.from == to && side.to == from))) continue;
+        for (int i = start[to]; i < start[to + 1]; ++i) {
+            const int* c = &triangles[3 * at_vertex[i]];
+            const bool beyond = at_vertex[i] != side.triangle && (c[0] == from || c[1] == from || c[2] == from);
+            if (beyond && faces[rows[at_vertex[i]]] != faces[rows[side.triangle]]) return false;
+        }
+    }
+    const Vec3 &a = vertices[from], &b = vertices[to];
+    const auto is_near = [&](const Vec3& p) {
+        Vec3 q;
+        return point_triangle(p, a, b, b, q) <= limit;
+    };
+    if (!is_near(vertices[u])) return false;
+    for (const auto& removed : border.removed)
+        for (const int p : removed)
+            if (!is_near(vertices[p])) return false;
+    return true;
+}
+
+// Joins the two pieces of the border at u, which is removed.
+void Simplifier::move_border(int u) {
+    Border& own = borders[border_at[u]];
+    std::vector<int> between = std::move(own.removed[0]);
+    between.insert(between.end(), own.removed[1].begin(), own.removed[1].end());
+    between.push_back(u);
+    for (int side = 0; side < 2; ++side) {
+        const int end = own.ends[side], other = own.ends[!side];
+        if (border_at[end] < 0) continue;
+        Border& next = borders[border_at[end]];
+        for (int j = 0; j < 2; ++j)
+            if (next.ends[j] == u) {
+                next.ends[j] = other;
+                next.removed[j] = between;
+            }
+    }
+    own.removed[1].clear();
 }
 
 void Simplifier::connect() {
@@ -93,11 +167,16 @@ bool Simplifier::can_move(int u, int v, double limit, double cosine) {
         const Vec3 across = cross(a - at, b - at), before = cross(a - vertices[u], b - vertices[u]);
         const double doubled = norm(across);
         const double longest = std::sqrt(std::max({squared(a - at), squared(b - at), squared(b - a)}));
-        if (!(doubled > NEEDLE * longest * longest)) return false;
+        const double earlier = std::max(squared(a - vertices[u]), squared(b - vertices[u]));
+        // long strips stay so
+        const double thin = std::clamp(0.5 * norm(before) / std::max(earlier, squared(b - a)), NEEDLE * NEEDLE, NEEDLE);
+        if (!(doubled > thin * longest * longest)) return false;
         const double least = cosine * doubled;
         if (dot(across, before) < cosine * doubled * norm(before)) return false;
-        for (const int corner : {side.from, side.to, v})
-            if (!fixed[corner] && dot(across, normals[corner]) < least) return false;
+        for (const int corner : {side.from, side.to, v}) {
+            const Vec3* normal = fixed[corner] ? nullptr : normal_of(corner, faces[rows[side.triangle]]);
+            if (normal && dot(across, *normal) < least) return false;
+        }
     }
     const auto is_near = [&](const Vec3& p, int tip) {  // to the triangles of the ring with this tip
         Vec3 q;
@@ -117,7 +196,7 @@ bool Simplifier::can_move(int u, int v, double limit, double cosine) {
         double best = 1e300;
         Vec3 q;
         for (const Side& side : ring) {
-            if (side.from == v || side.to == v) continue;
+            if (side.from == v || side.to == v || !normal_of(chain[k], faces[rows[side.triangle]])) continue;
             const double d2 = point_triangle(p, at, vertices[side.from], vertices[side.to], q);
             if (d2 < best) {
                 best = d2;
@@ -127,7 +206,7 @@ bool Simplifier::can_move(int u, int v, double limit, double cosine) {
         if (best > limit) return false;
         const Side& side = ring[owner[k]];
         const Vec3 across = cross(vertices[side.from] - at, vertices[side.to] - at);
-        if (dot(across, normals[chain[k]]) < cosine * norm(across)) return false;
+        if (dot(across, *normal_of(chain[k], faces[rows[side.triangle]])) < cosine * norm(across)) return false;
     }
     return true;
 }
@@ -160,14 +239,24 @@ size_t Simplifier::pass(double tolerance, double cosine) {
     std::vector<Choice> choices;
     const auto cost_of = [&](int u, int v) {
         const Vec3 way = vertices[v] - vertices[u];
-        return std::fabs(dot(normals[u], way)) + SHORT * norm(way);
+        double height = std::fabs(dot(normals[u], way));
+        if (border_at[u] >= 0) {
+            const int* ends = borders[border_at[u]].ends;
+            Vec3 q;
+            height = std::sqrt(point_triangle(vertices[u], vertices[ends[0]], vertices[ends[1]], vertices[ends[1]], q));
+        }
+        return height + SHORT * norm(way);
     };
     for (int u = 0; u < static_cast<int>(vertices.size()); ++u) {
         if (fixed[u] || failed[u] || start[u] == start[u + 1]) continue;
         double least = 1e300;
-        for (int k = start[u]; k < start[u + 1]; ++k)
-            for (int j = 0; j < 3; ++j)
-                if (const int v = triangles[3 * at_vertex[k] + j]; v != u) least = std::min(least, cost_of(u, v));
+        if (border_at[u] >= 0) {
+            for (const int v : borders[border_at[u]].ends) least = std::min(least, cost_of(u, v));
+        } else {
+            for (int k = start[u]; k < start[u + 1]; ++k)
+                for (int j = 0; j < 3; ++j)
+                    if (const int v = triangles[3 * at_vertex[k] + j]; v != u) least = std::min(least, cost_of(u, v));
+        }
         choices.push_back({static_cast<float>(least), u});
     }
     std::sort(choices.begin(), choices.end(), [](const Choice& a, const Choice& b) {
@@ -184,7 +273,9 @@ size_t Simplifier::pass(double tolerance, double cosine) {
         }
         targets.clear();
         bool waits = false;
+        const Border* border = border_at[u] >= 0 ? &borders[border_at[u]] : nullptr;
         for (const Side& side : ring) {
+            if (border && side.from != border->ends[0] && side.from != border->ends[1]) continue;
             if (touched[side.from])
                 waits = true;
             else
@@ -195,7 +286,9 @@ size_t Simplifier::pass(double tolerance, double cosine) {
         bool moved = false;
         for (size_t k = 0; k < most && !moved; ++k) {
             const int v = targets[k].second;
+            if (border && !keeps_border(u, v == border->ends[1], tolerance * tolerance)) continue;
             if (!is_linked(u, v) || !can_move(u, v, tolerance * tolerance, cosine)) continue;
+            if (border) move_border(u);
             move(u, v);
             ++removed;
             moved = true;
