@@ -14,7 +14,7 @@ from tanteo import _core
 from tanteo.parts import Part
 
 LARGE = 30_000
-"""Number of triangles above which a copy is used whatever its size, so that its mesh may stay on disk."""
+"""Number of triangles above which a copy is always used, so that its mesh may stay on disk."""
 
 _SMALL = 100
 """Number of triangles up to which the part is used: a copy is made in the time of few evaluations of 100 triangles."""
