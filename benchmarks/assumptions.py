@@ -196,6 +196,36 @@ def on_table(seed, k, search=0, stated=False, readings=6):
     return _row(lambda: answer_of(points, None, examples(), seed=search, priors=priors), own, T)
 
 
+FIXTURES = {
+    "rails": ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "V-block": ((1.0, 0.0, 1.0), (-1.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+}
+"""Normals of the planes of a fixture; a part is flush with the first two, and touches the third."""
+
+
+def in_fixture(which, seed, k, search=0, readings=4):
+    """Answer few touches of a part that rests against stated planes: faces are flush with two of them."""
+    from tanteo.catalogue import known_stable_poses
+
+    rng = np.random.default_rng((seed, k))
+    own, N = examples()[rng.integers(len(examples()))], np.array(FIXTURES[which])
+    N /= np.linalg.norm(N, axis=1, keepdims=True)
+    ups = np.array([r.T_table_part[2, :3] for r in known_stable_poses(own.part)])
+    p = np.array([r.probability for r in known_stable_poses(own.part)])
+    fits = p[:, None] * p * (np.abs(ups @ ups.T - N[0] @ N[1]) < 1e-3)
+    i, j = np.unravel_index(rng.choice(fits.size, p=fits.ravel() / fits.sum()), fits.shape)
+    frames = [np.stack([a, b, np.cross(a, b)], axis=1) for a, b in ((N[0], N[1]), (ups[i], ups[j]))]
+    T = np.eye(4)
+    T[:3, :3] = frames[0] @ np.linalg.inv(frames[1])
+    T[:3, 3] = np.linalg.solve(N, -(N @ T[:3, :3] @ own.part.vertices.T).min(axis=1))
+    p, _ = surface_points(own, 400, rng)
+    world = SE3.apply(T, p)
+    points = world[(N @ world.T > 2e-3).all(axis=0)][:readings] + SD * rng.normal(size=(readings, 3))
+    planes = [Plane(np.zeros(3), n, 2e-4) for n in N]
+    priors = Priors(pose=PosePrior(rests=planes))
+    return _row(lambda: answer_of(points, None, examples(), seed=search, priors=priors), own, T)
+
+
 def _row(answered, own, T):
     start = time.process_time()
     answer = answered()
@@ -214,7 +244,8 @@ KINDS = {
     "10 % longer": partial(variant, 1.1), "30 % longer": partial(variant, 1.3),
     "outlier, touched again": one_outlier,
     "on an unstated table": on_table,
-    "on a stated table, 6 touches": partial(on_table, stated=True),
+    **{f"on a stated table, {n} touches": partial(on_table, stated=True, readings=n) for n in (4, 5, 6)},
+    **{f"in {which}, {n} touches": partial(in_fixture, which, readings=n) for which in FIXTURES for n in (3, 5)},
 }  # fmt: skip
 """Kinds of scenes and their functions of seed and number."""
 

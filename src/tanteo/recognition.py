@@ -299,8 +299,8 @@ class Query:
         if outlier_rate is not None:
             priors = replace(priors, outlier_rate=outlier_rate)
         if anywhere and priors.pose is not None:
-            table = priors.pose.table
-            priors = replace(priors, pose=None if table is None else PosePrior(table=table))
+            pose = priors.pose
+            priors = replace(priors, pose=PosePrior(table=pose.table, rests=pose.rests) if pose.planes else None)
         own = self._options | {"shared_errors": errors, "priors": priors}
         if settings is not None:
             own["settings"] = settings

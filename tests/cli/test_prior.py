@@ -68,6 +68,14 @@ def test_a_prior_that_is_wrong_is_named_as_a_reason(locate):
     assert "not at the prior pose" not in locate("--pose-prior", NEAR).out
 
 
+def test_planes_of_a_fixture_from_options_and_file(locate, tmp_path):
+    (tmp_path / "jaw.toml").write_text("[[rests]]\npoint_mm = [0, 0, 20]\nnormal = [0, 0, 1]\nsd_mm = 1\n")
+    stated = "touches a plane at (0, 0, 20) mm, normal (0, 0, 1), (sd 1 mm)"
+    for args in (("--rests", "0,0,20mm 0,0,1 +- 1mm"), ("--prior", tmp_path / "jaw.toml")):
+        result = locate("--pose-prior", NEAR, *args)
+        assert (result.code, stated in result.out) == (0, True), result.err
+
+
 def test_options_and_file_together(locate, tmp_path):
     (tmp_path / "prior.toml").write_text("[table]\ntop_mm = 20\nsd_mm = 1\n")
     both = locate("--prior", tmp_path / "prior.toml", "--pose-prior", NEAR)
@@ -80,6 +88,8 @@ def test_options_and_file_together(locate, tmp_path):
     [
         (["--table", "0mm"], 2, "--table: expected a value and its standard deviation"),
         (["--table", "-5+-1"], 2, "--table: expected a unit"),
+        (["--rests", "0,0,0mm 1,0 +- 1mm"], 2, "--rests: expected a normal of three numbers, got '1,0'"),
+        (["--rests", "0,0,0mm 1,0,0 +- 1mm", "--rests", "9,0,0mm -1,0,0 +- 1mm"], 2, "--rests: expected at most three"),
         (["--box", "1,2,3mm"], 2, "--box: expected six lengths"),
         (["--pose-prior", "1,2,3mm +- 1mm"], 2, "--pose-prior: expected x, y, z and roll, pitch, yaw"),
         (["--pose-prior", NEAR, "--as-published"], 2, "--as-published: expected no prior knowledge of the pose"),

@@ -48,6 +48,23 @@ def test_a_reading_that_contradicts_is_repeated_first(block):
     assert tanteo.locate(both, block.part).status == "recognized"
 
 
+def test_a_repeated_reading_counts_beside_an_inner_corner(block):
+    """Off its face the outlier is nearest to the other wall of the corner; its approach shows the face."""
+    T, points, directions = scene(block, 24, 5)
+    rng = np.random.default_rng(3)
+    p, normals = surface_points(block, 4000, rng)
+    moved = p + 3e-3 * normals
+    near = block.surface.closest(moved)
+    beside = (near.distances > 8e-4) & (near.distances < 2e-3)
+    k = np.flatnonzero(beside)[0]
+    place, into = SE3.apply(T, p[k]), -T[:3, :3] @ normals[k]
+    off, again = place - 3e-3 * into, place + SD * rng.normal(size=3)
+    doubted = tanteo.locate(touches(np.r_[points, off[None]], np.r_[directions, into[None]]), block.part)
+    assert doubted.findings[0].kind == "outlier_or_variant"
+    both = touches(np.r_[points, [off, again]], np.r_[directions, [into, into]])
+    assert tanteo.locate(both, block.part).status == "recognized"
+
+
 def test_outliers_on_a_plane_that_the_part_touches_are_named(block):
     T, points, directions = scene(block, 20, 2)
     low = SE3.apply(T, block.part.vertices)

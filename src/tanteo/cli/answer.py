@@ -32,7 +32,7 @@ _HEADER = re.compile(r"(?:^|,)\s*(?:x|range)_(mm|m|um|in)\s*(?:,|$)", re.MULTILI
 
 def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Options, file: FileOptions) -> None:
     """Identify the sensed part and its pose, with probabilities and a covariance."""
-    known = typed.read_known(options.table, options.box, options.pose_prior, options.prior)
+    known = typed.read_known(options.table, options.box, options.pose_prior, options.prior, options.rests)
     start = time.perf_counter()
     if options.as_published:
         _check_published(known, options)

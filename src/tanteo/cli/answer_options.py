@@ -40,6 +40,7 @@ class Evidence:
     rig: args.RigPath = None
     furniture: args.FurniturePaths = None
     table: args.TableAt = None
+    rests: args.RestsAt = None
     box: args.BoxAt = None
     pose_prior: args.PosePriorAt = None
     prior: args.PriorPath = None

@@ -149,6 +149,16 @@ TableAt = Annotated[
     _prior("--table", "HEIGHT", "The part rests on a level table at this height, as 0+-1mm."),
     Words(lambda text: io.poses.parse_table(text, "--table")),
 ]
+RestsAt = Annotated[
+    list[Any] | None,
+    _prior(
+        "--rests",
+        "POINT NORMAL",
+        "The part touches this plane of a fixture, as '120,0,0mm -1,0,0 +- 0.1mm' with the normal towards the part; "
+        "may be repeated (fixed jaw, rails, two faces of a V-block).",
+    ),
+    Words(typed.rests, list[str] | None),
+]
 BoxAt = Annotated[
     FloatArray | None,
     _prior("--box", "LOW,HIGH", "The part is in this box of the world, as 0,0,0,500,400,200mm."),

@@ -52,7 +52,7 @@ def next_reading(
     from tanteo.planning.following import NextReading, next_reading
     from tanteo.words.findings import GoalReached
 
-    known = typed.read_known(options.table, options.box, options.pose_prior, options.prior)
+    known = typed.read_known(options.table, options.box, options.pose_prior, options.prior, options.rests)
     paths = options.parts or [options.part or ""]
     reply = ask(readings, paths, options, file, known, top=_HYPOTHESES)
     answer, given = reply.answer, reply.given

@@ -11,7 +11,7 @@ _MESSAGES = {
     "sd": "--sd", "tolerance": "--form-sd", "goal": "--goal", "tip_sd": "--tip-sd", "sensor": "--sensor",
     "robot": "--robot", "as_published": "--as-published", "priors, outlier_rate": "--outlier-rate",
     "priors, unknown": "--unknown-prior", "bias_sd": "--bias-sd", "mass": "--mass", "size": "--size",
-    "scheduler": "--scheduler", "priors, noise_factor": "--noise-factor", "table, sd": "--table",
+    "scheduler": "--scheduler", "priors, noise_factor": "--noise-factor", "table, sd": "--table", "rests": "--rests",
     "prior, box": "--box", "prior, T_world_part": "--pose-prior", "prior, covariance": "--pose-prior",
     "feature": "--feature",
 }  # fmt: skip

@@ -92,6 +92,7 @@ class Options:
 
     parts: args.PartPaths
     table: args.TableAt = None
+    rests: args.RestsAt = None
     box: args.BoxAt = None
     pose_prior: args.PosePriorAt = None
     prior: args.PriorPath = None
@@ -200,9 +201,11 @@ def _estimator(parts: Sequence[Part], options: Options, topics: TopicOptions) ->
         rig=rig, tolerance=options.form_sd,
     )  # fmt: skip
     furniture = tuple(io.poses.read_furniture(text, options.units, "--furniture") for text in options.furniture or ())
-    known = typed.read_known(options.table, options.box, None, options.prior)
+    known = typed.read_known(options.table, options.box, None, options.prior, options.rests)
     if known is not None and options.pose_prior is not None:
-        raise MisuseError("--pose-prior: expected it without --table, --box and --prior in a node, got both. Drop one.")
+        raise MisuseError(
+            "--pose-prior: expected it without --table, --rests, --box and --prior in a node, got both. Drop one."
+        )
     stated: dict[str, Any] = {
         "outlier_rate": options.outlier_rate, "unknown": options.unknown_prior, "pose": known,
         "noise_factor": options.noise_factor, "furniture": furniture or None,

@@ -6,7 +6,7 @@ The conversion happens before any file is read. Functions import slow packages o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -329,6 +329,18 @@ def at_least(name: str, least: int, advice: str, value: int) -> int:
     return value
 
 
+def rests(texts: list[str]) -> list[Table]:
+    """Return the planes of ``--rests``.
+
+    Args:
+        texts: point, normal and standard deviation of each plane, as typed.
+
+    Raises:
+        InputError: a text does not state a plane.
+    """
+    return [io.poses.parse_table(text, "--rests") for text in texts]
+
+
 def forbidden(texts: list[str]) -> list[ForbiddenBox]:
     """Return the boxes of ``--forbid``.
 
@@ -408,15 +420,20 @@ def policy_names(incomplete: str) -> list[str]:
 
 
 def read_known(
-    table: Table | None, box: FloatArray | None, pose_prior: UncertainFrame | None, file: str | None
+    table: Table | None,
+    box: FloatArray | None,
+    pose_prior: UncertainFrame | None,
+    file: str | None,
+    rests: Sequence[Table] | None = None,
 ) -> PosePrior | None:
-    """Return the prior knowledge of the pose in ``--table``, ``--box``, ``--pose-prior`` and ``--prior`` together.
+    """Return the prior knowledge of the pose in options such as ``--table`` and ``--box``, and ``--prior``, together.
 
     Args:
         table: value of ``--table``; None if not given.
         box: value of ``--box``; None if not given.
         pose_prior: value of ``--pose-prior``; None if not given.
         file: value of ``--prior``; None if not given.
+        rests: values of ``--rests``; None if not given.
 
     Returns:
         Prior knowledge; None if no option is given.
@@ -425,9 +442,9 @@ def read_known(
         MisuseError: an option repeats what the file states.
         InputError: the file cannot be read.
     """
-    if all(value is None for value in (table, box, pose_prior, file)):
+    if all(value is None for value in (table, box, pose_prior, file, rests)):
         return None
-    given: dict[str, Any] = {"table": table, "box": box}
+    given: dict[str, Any] = {"table": table, "box": box, "rests": None if rests is None else tuple(rests)}
     if pose_prior is not None:
         given |= {"T_world_part": pose_prior.T, "covariance": pose_prior.C}
     given = {name: value for name, value in given.items() if value is not None}
@@ -437,8 +454,9 @@ def read_known(
         return stated
     read = io.read_prior(file)
     _warn_if_unverified(f"{file}, near", io.poses.prior_brand(file))
-    options = {"table": "--table", "box": "--box", "T_world_part": "--pose-prior", "covariance": "--pose-prior"}
+    options = {"table": "--table", "rests": "--rests", "box": "--box"}
+    options |= {"T_world_part": "--pose-prior", "covariance": "--pose-prior"}
     for name in given:
-        if getattr(read, name) is not None:
+        if getattr(read, name) not in (None, ()):
             raise MisuseError(f"{options[name]}: expected it once, got it in {file} too. Keep one.")
     return replace(read, **given)

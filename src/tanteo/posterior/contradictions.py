@@ -116,10 +116,29 @@ def outlier_or_variant(one: GoodnessOfFit, explained: BoolArray) -> OutlierOrVar
     return OutlierOrVariant(one.mode.prepared.part.name, named, off)
 
 
+def _approached_face(one: GoodnessOfFit, k: int) -> int:
+    """Return the face that the approach to an outlier meets; that nearest to it if no approach is known."""
+    points, at, part = one.mode.objective.problem.points, one.at, one.mode.prepared.part
+    nearest = int(at.faces[0, k])
+    if not points.directed[k]:
+        return nearest
+    into = one.mode.T_peak[:3, :3].T @ points.directions[k]
+    start = SE3.apply(SE3.inverse(one.mode.T_peak), points.points[k]) - 2 * abs(float(at.distances[0, k])) * into
+    hit = one.mode.prepared.surface.cast(start, into)
+    return int(part.triangle_face[int(hit.triangles)]) if np.isfinite(hit.distances) else nearest
+
+
 def _is_refuted(one: GoodnessOfFit, k: int) -> bool:
-    """Return whether a reading on the same face near an outlier is on the part."""
-    points, at = one.mode.objective.problem.points, one.at
-    same = one.inliers & (at.faces[0] == at.faces[0, k])
+    """Return whether a reading near an outlier is on the part, on the face that the outlier is nearest to or approached.
+
+    A reading that is some millimetres off a face near its border is nearest to another face.
+    """
+    points, at, edges = one.mode.objective.problem.points, one.at, one.mode.prepared.part.edges
+    faces = {int(at.faces[0, k]), _approached_face(one, k)}
+    same = np.isin(at.faces[0], list(faces)) & one.inliers
+    for row in np.flatnonzero(one.inliers & (at.faces[0] < -1)):
+        edge = -2 - int(at.faces[0, row])
+        same[row] |= edge < len(edges) and bool(faces & set(edges.faces[edge].tolist()))
     same &= np.linalg.norm(points.points - points.points[k], axis=1) < NEAR * one.mode.prepared.part.diagonal
     if points.directed[k]:
         same &= ~points.directed | (points.directions @ points.directions[k] > _SIMILAR)

@@ -65,12 +65,10 @@ def weigh_furniture(points: ContactPoints, priors: Priors, settings: SearchSetti
 
 
 def without_pose(points: ContactPoints, priors: Priors) -> Priors:
-    """Return the priors without the prior of the pose; its table becomes furniture."""
-    table = priors.pose.table if priors.pose is not None else None
-    if table is None or not len(points):
-        return replace(priors, pose=None)
-    there = Furniture.of_table(table, np.median(points.points, axis=0), priors.radius)
-    return replace(priors, pose=None, furniture=(*priors.furniture, there))
+    """Return the priors without the prior of the pose; its planes become furniture."""
+    planes = priors.pose.planes if priors.pose is not None and len(points) else ()
+    there = [Furniture.of_table(plane, np.median(points.points, axis=0), priors.radius) for plane in planes]
+    return replace(priors, pose=None, furniture=(*priors.furniture, *there))
 
 
 def _paths(points: ContactPoints, on_it: BoolArray, own: SearchSettings) -> FreeRays:

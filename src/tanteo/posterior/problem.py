@@ -22,7 +22,7 @@ from tanteo.posterior.labels import LabelEvidence, groups_of, label_evidence
 from tanteo.posterior.outliers import outlier_rates
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.settings import DEFAULTS, POSE_DOF, Settings
-from tanteo.posterior.stable_poses import resting
+from tanteo.posterior.stable_poses import FLUSH, log_flush, resting
 from tanteo.posterior.touched_region import TouchedRegion, touched_region
 
 
@@ -154,12 +154,14 @@ class Problem:
         if pose is None:
             return float(anywhere)
         return float(
-            anywhere + log_density_within(replace(pose, T_world_part=None, covariance=None), self.priors.radius)
+            anywhere
+            - log_flush(pose.planes, prepared.part)
+            + log_density_within(replace(pose, T_world_part=None, covariance=None), self.priors.radius)
         )
 
     def log_pose_priors(self, prepared: PreparedPart) -> _core.Problem | None:
         """Return the prior densities of the pose of one part alone, for the core; None if there are none."""
-        if self.mixture(prepared) is None and (self.priors.pose is None or self.priors.pose.table is None):
+        if self.mixture(prepared) is None and (self.priors.pose is None or not self.priors.pose.planes):
             return None
         alone = replace(self, points=ContactPoints.none(), rays=FreeRays.none(), pose_factors=())
         return alone.compiled(prepared)
@@ -176,7 +178,7 @@ class Problem:
         t, rays = self.points, self.rays
         rates, weights = outlier_rates(self.priors.outlier_rate, len(t))
         rays = rays.join(self.furniture.paths) if len(self.furniture.paths) else rays
-        table = self.priors.pose.table if self.priors.pose is not None and with_table else None
+        planes = self.priors.pose.planes if self.priors.pose is not None and with_table else ()
         lines = np.column_stack(
             [rays.origins, rays.directions, rays.lengths - rays.margin, rays.slopes, np.cos(rays.incidences)]
         )
@@ -190,11 +192,11 @@ class Problem:
             _c(np.pad(t.shared_jacobian, more)),
             turns, float(self.scale_sd), _c(rates), _c(weights), self.priors.outlier_rate, _c(lines),
             _c(np.pad(rays.shared_jacobian, more)), _c(np.pad(rays.turns, more)), _c(means), _c(roots), _c(log_weights),
-            np.zeros(0) if table is None else np.r_[table.point, table.normal, table.sd],
+            np.concatenate([np.zeros(0), *(np.r_[plane.point, plane.normal, plane.sd] for plane in planes)]),
             np.array([self.region.area, self.region.length]), self.region.groups,
         )  # fmt: skip
-        if table is not None:
-            core.add(resting(table, prepared.part))
+        for plane in planes[:FLUSH]:
+            core.add(resting(plane, prepared.part))
         if not self.pose_factors:
             return core
         places, _ = state_columns(self.pose_factors, t.shared_jacobian.shape[2])

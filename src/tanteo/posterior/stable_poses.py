@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,12 @@ from tanteo.posterior.answers.pose_prior import Table
 _SAME = 1e-3
 """Numerical: difference of directions below which they are equal by symmetry [rad]; the symmetry of parts has the same
 tolerance."""
+
+_POLE = 0.9987
+"""Numerical: cosine of the angle to the axis of revolution above which a direction is along it, as in the core."""
+
+FLUSH = 2
+"""Definition: number of planes with a density of the attitude; faces that are flush with two planes fix it."""
 
 _ANY_HEIGHT = 1e6
 """Numerical: standard deviation of a height that is not compared [m]."""
@@ -68,10 +75,63 @@ def resting(table: Table, part: Part) -> _core.PoseTerm:
         part: the part.
     """
     attitude = np.log(4 * np.pi) + np.log(2 * np.pi) + np.log(np.sqrt(2 * np.pi) * _ANY_HEIGHT)
-    lying = _term(part, table.frame, _ANY_HEIGHT, table.sd / (0.25 * part.diagonal), 1.0, log_factor=float(attitude))
+    lying = _term(part, table.frame, _ANY_HEIGHT, _tilt_sd(table, part), 1.0, log_factor=float(attitude))
     if table.leaning == 1:
         return _core.alternatives([[]], np.zeros(1))
     return _core.alternatives([[lying], []], np.log([1 - table.leaning, table.leaning]))
+
+
+def log_flush(planes: Sequence[Table], part: Part) -> float:
+    """Return the log of the mean, over uniform attitudes, of the product of the attitude densities on two planes.
+
+    Each density has the mean 1. Faces that can be flush with both planes at once make their product larger, and the
+    prior of the attitude is the product over its mean. For directions ``u`` and ``v`` of the part, ``a`` apart, that
+    point along normals ``b`` apart, with a variance ``s^2`` of the tilt, the mean is ``2 N(a - b; 0, s^2) / sin b``.
+    A part of revolution has its axis at angles to both normals, and ``2 / (pi |det(axis, n, m)|)``.
+
+    Args:
+        planes: planes that the part touches; those after the second change no attitude.
+        part: the part.
+    """
+    if len(planes) < FLUSH:
+        return 0.0
+    (first, p), (second, q) = (_directions(part) for _ in range(FLUSH))
+    one, other = planes[:FLUSH]
+    between = float(np.arccos(np.clip(one.normal @ other.normal, -1, 1)))
+    s = float(np.hypot(_tilt_sd(one, part), _tilt_sd(other, part)))
+
+    def at(angle: FloatArray) -> FloatArray:
+        return np.asarray(np.exp(-0.5 * ((angle - between) / s) ** 2) / (np.sqrt(2 * np.pi) * s))
+
+    if part.symmetry.spherical:
+        together = np.ones((len(p), len(q)))
+    elif part.symmetry.axis is None:
+        together = 2 * at(np.arccos(np.clip(first @ second.T, -1, 1))) / np.sin(between)
+    else:
+        axis = part.symmetry.axis[1]
+        a, b = (np.clip(own @ axis, -1, 1) for own in (first, second))
+        c = float(np.cos(between))
+        square = 1 - a[:, None] ** 2 - b**2 - c**2 + 2 * c * a[:, None] * b
+        together = np.where(square > 0, 2 / (np.pi * np.sqrt(np.maximum(square, s**2))), 0.0)
+        poles, sides = np.abs(a) > _POLE, np.abs(b) > _POLE
+        upright = 2 * at(np.arccos(np.sign(a)[:, None] * b)) / np.sqrt(np.maximum(1 - b**2, s**2))
+        lying = 2 * at(np.arccos(a[:, None] * np.sign(b))) / np.sqrt(np.maximum(1 - a[:, None] ** 2, s**2))
+        together = np.where(poles[:, None], np.where(sides, 0.0, upright), np.where(sides, lying, together))
+    flush = (1 - one.leaning) * (1 - other.leaning)
+    return float(np.log(1 - flush + flush * float(p @ (together @ q))))
+
+
+def _directions(part: Part) -> tuple[FloatArray, FloatArray]:
+    """Return the upward directions of the stable poses with their symmetric images ``(k, 3)``, and probabilities."""
+    rests = known_stable_poses(part)
+    ups = [_images(part, rest.T_table_part[2, :3]) for rest in rests]
+    shares = [np.full(len(own), rest.probability / len(own)) for own, rest in zip(ups, rests, strict=True)]
+    return np.concatenate(ups), np.concatenate(shares)
+
+
+def _tilt_sd(table: Table, part: Part) -> float:
+    """Return the standard deviation of the tilt of a part: the error of the plane over a quarter of the part [rad]."""
+    return table.sd / (0.25 * part.diagonal)
 
 
 def _term(

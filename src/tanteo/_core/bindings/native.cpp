@@ -212,11 +212,10 @@ std::unique_ptr<Problem> make_problem(nb::list blocks, Doubles furniture, Ints g
     problem->region = {expect(patch[0], "region", 0, 1e300), expect(patch[1], "region", 0, 1e300),
                        doubles(group_regions, "group_regions", {problem->groups.size()})};
     for (const double own : problem->region.groups) expect(own, "group_regions", 0, 1e300);
-    if (table.size()) {
-        expect(table, "table", {7});
-        problem->has_table = true;
-        problem->table = {load(table.data()), load(table.data() + 3), expect(table.data()[6], "table", 1e-300, 1e300)};
-    }
+    const size_t planes = table.size() / 7;  // of a point, a normal and a standard deviation each
+    expect(table, "table", {7 * planes});
+    for (const double* one = table.data(); one != table.data() + 7 * planes; one += 7)
+        problem->tables.push_back({load(one), load(one + 3), expect(one[6], "table", 1e-300, 1e300)});
     return problem;
 }
 

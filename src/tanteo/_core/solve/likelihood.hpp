@@ -87,7 +87,7 @@ class Likelihood {
     double add_rays(const State& state);
     double add_priors(const State& state, bool with_slope);
     double add_pose_prior(const Pose& pose, bool with_slope);
-    double add_table(const Pose& pose, bool with_slope);
+    double add_table(const Table& table, const Pose& pose, bool with_slope);
     void add_residuals(double share, const double* r, const double* rows, int count);
 };
 

@@ -44,7 +44,7 @@ double Likelihood::add_rays(const State& state) {
 }
 
 // Priors: shared errors are unit normal, the noise scale is flat within a factor, the pose has a mixture of normal
-// densities, and the part may stand on a table.
+// densities, and the part may touch planes.
 double Likelihood::add_priors(const State& state, bool with_slope) {
     const int K = problem.size();
     double log = 0;
@@ -63,7 +63,7 @@ double Likelihood::add_priors(const State& state, bool with_slope) {
         }
     }
     if (!problem.priors.empty()) log += add_pose_prior(state.pose, with_slope);
-    if (problem.has_table) log += add_table(state.pose, with_slope);
+    for (const Table& table : problem.tables) log += add_table(table, state.pose, with_slope);
     return log;
 }
 
@@ -84,11 +84,11 @@ double Likelihood::add_pose_prior(const Pose& pose, bool with_slope) {
 }
 
 // Height of the lowest point over the table, in standard deviations.
-double Likelihood::add_table(const Pose& pose, bool with_slope) {
+double Likelihood::add_table(const Table& table, const Pose& pose, bool with_slope) {
     double row[6];
-    const double r = height_over_table(shape, problem.table, pose, row) / problem.table.sd;
+    const double r = height_over_table(shape, table, pose, row) / table.sd;
     if (with_slope) {
-        for (double& x : row) x /= problem.table.sd;
+        for (double& x : row) x /= table.sd;
         add_residuals(1, &r, row, 1);
     }
     return -0.5 * r * r;

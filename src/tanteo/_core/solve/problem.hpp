@@ -48,8 +48,7 @@ struct Problem {
     std::vector<double> rates, rate_weights;    // quadrature of the outlier rate
     double mean_rate = 0.02;
     std::vector<PosePrior> priors;
-    bool has_table = false;
-    Table table;
+    std::vector<Table> tables;  // planes that the part touches
     Region region;
     std::vector<std::shared_ptr<const PoseTerm>> terms;  // further terms of the log density, such as images
 

@@ -68,11 +68,12 @@ void add_pose_priors(NormalEquations<K>& at, const Shape& shape, const Problem& 
             add(rows + 6 * i, r[i], 1 / (1 + scale * scale * moved));
         }
     }
-    if (!problem.has_table) return;
-    double row[6];
-    const double height = height_over_table(shape, problem.table, pose, row), width = std::hypot(problem.table.sd, scale);
-    for (double& x : row) x /= width;
-    add(row, height / width, 1);
+    for (const Table& table : problem.tables) {
+        double row[6];
+        const double height = height_over_table(shape, table, pose, row), width = std::hypot(table.sd, scale);
+        for (double& x : row) x /= width;
+        add(row, height / width, 1);
+    }
 }
 
 // Normal equations of the distances of points to the nearest surface, with the robust kernel of Geman and McClure (1987) at

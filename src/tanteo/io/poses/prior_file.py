@@ -46,6 +46,18 @@ class TableTable(FileTable, frozen=True, kw_only=True, eq=False):
         return Table(point, np.array([0.0, 0.0, 1.0]) if self.normal is None else self.normal, self.sd)
 
 
+class RestTable(FileTable, frozen=True, kw_only=True, eq=False):
+    """Plane of a fixture that the part touches."""
+
+    point: Point
+    normal: Direction
+    sd: Annotated[Length, Meta(gt=0, description="a positive length")]
+
+    def to_table(self) -> Table:
+        """Return the plane with its standard deviation."""
+        return Table(self.point, self.normal, self.sd)
+
+
 class BoxTable(FileTable, frozen=True, kw_only=True, eq=False):
     """Box in the world that contains the part's origin."""
 
@@ -123,6 +135,7 @@ class PriorFile(FileTable, frozen=True, kw_only=True, eq=False):
     """Content of a prior file: one or more of its tables."""
 
     table: TableTable | None = None
+    rests: list[RestTable] | None = None
     box: BoxTable | None = None
     pose_prior: PosePriorTable | None = None
 
@@ -131,7 +144,7 @@ def read_prior(path: str | Path) -> PosePrior:
     """Read a pose prior from a TOML file.
 
     Args:
-        path: file with one or more of the tables ``[table]``, ``[box]`` and ``[pose_prior]``.
+        path: file with one or more of the tables ``[table]``, ``[[rests]]``, ``[box]`` and ``[pose_prior]``.
 
     Raises:
         InputError: the file cannot be read, is not TOML, or contains an invalid prior; the message names file, table,
@@ -145,13 +158,14 @@ def read_prior(path: str | Path) -> PosePrior:
     """
     file = _load(path)
     if not file.at.written:
-        raise file.at.error("expected a table [table], [box] or [pose_prior], got an empty file. Add one.")
+        raise file.at.error("expected a table [table], [[rests]], [box] or [pose_prior], got an empty file. Add one.")
     prior = None if file.pose_prior is None else file.pose_prior.to_frame()
     return PosePrior(
         T_world_part=None if prior is None else prior.T,
         covariance=None if prior is None else prior.C,
         box=None if file.box is None else file.box.to_box(),
         table=None if file.table is None else file.table.to_table(),
+        rests=tuple(one.to_table() for one in file.rests or ()),
     )
 
 

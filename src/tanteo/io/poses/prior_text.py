@@ -20,6 +20,8 @@ from tanteo.posterior import Furniture, Table
 
 _NEAR = "400,200,0mm 0,0,90deg +- 5mm 3deg"
 _TABLE = "0+-1mm"
+_PLANE = "120,0,0mm -1,0,0 +- 0.1mm"
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
 _FURNITURE = "vise.stl@400,200,0mm 0,0,90deg +- 0.5mm"
 _MOST_TURN = np.pi / 3
 """Largest standard deviation of an attitude [rad]; beyond it the normal density wraps around half a turn within 3 sd.
@@ -30,19 +32,31 @@ _GIVE_OR_TAKE = re.compile(r"\+-|\+/-|±")
 
 
 def parse_table(text: str, name: str = "table") -> Table:
-    """Return the level support plane of a text such as ``'0+-1mm'``.
+    """Return the plane of a text such as ``'0+-1mm'``, level at a height, or ``'120,0,0mm -1,0,0 +- 0.1mm'``.
 
-    Its height in the world and its standard deviation.
+    The second has a point of the plane in the world and its normal towards the part.
 
     Args:
-        text: height and standard deviation, separated by ``+-``.
+        text: height, or x, y, z of a point, a space, and a normal; ``+-`` and the standard deviation of the height.
         name: name of the input, for messages.
 
     Raises:
-        InputError: the height or the standard deviation is missing, or the standard deviation is not positive.
+        InputError: point, normal or standard deviation are missing or invalid.
         UnitError: the unit is missing or unknown.
     """
-    values = parse_lengths(",".join(value_and_sd(text, name, _TABLE)), name)
+    where, sd = value_and_sd(text, name, _TABLE)
+    point, _, normal = where.strip().partition(" ")
+    if normal.strip():
+        numbers = [part.strip() for part in normal.split(",")]
+        if len(numbers) != 3 or not all(_NUMBER.fullmatch(part) for part in numbers):
+            raise InputError(
+                f"{name}: expected a normal of three numbers, got '{normal.strip()}'. Write it as {_PLANE}."
+            )
+        place, sds = parse_lengths(point, name), parse_lengths(sd, name)
+        if len(place) != 3 or len(sds) != 1 or sds[0] <= 0:
+            raise InputError(f"{name}: expected a point and a positive sd, got '{text}'. Write it as {_PLANE}.")
+        return Table(np.array(place), np.array([float(part) for part in numbers]), sds[0])
+    values = parse_lengths(f"{where},{sd}", name)
     if len(values) != 2 or values[1] <= 0:
         raise InputError(f"{name}: expected one height and a positive sd, got '{text}'. Write it as {_TABLE}.")
     return Table(np.array([0.0, 0.0, values[0]]), np.array([0.0, 0.0, 1.0]), values[1])

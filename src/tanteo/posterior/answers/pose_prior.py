@@ -13,16 +13,20 @@ from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray,
 from tanteo.parts import Part
 from tanteo.values import Value, lock
 
+_INDEPENDENT = 0.1
+"""Numerical: smallest singular value of the normals of planes that fix a position together."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """Plane on which the part stands or lies, in the world.
+    """Plane on which the part stands or lies, or against which it rests, in the world.
 
     Attributes:
         point: point on the plane ``(3,)`` [m].
         normal: normal of the plane towards the part ``(3,)``.
         sd: standard deviation of its height [m].
-        leaning: probability that the part is in none of its stable poses: it leans on something, or is held.
+        leaning: probability that the part is in none of its stable poses on this plane: it leans on something, or is
+            held.
     """
 
     point: Vectors
@@ -59,11 +63,13 @@ class PosePrior(Value):
             right perturbation [m, rad].
         box: lowest and highest world coordinates of the part's centroid ``(2, 3)`` [m].
         table: table on which the part rests.
+        rests: planes of a fixture that the part touches from the side of their normals, such as a fixed jaw, rails, or
+            the two faces of a V-block; with the table at most three.
         root: root of the inverse covariance, which whitens residuals ``(6, 6)`` or ``(S, 6, 6)``.
 
     Raises:
-        InputError: a prior pose without its covariance or the reverse, a pose that is not a rigid motion, or a box of
-            which the lowest corner is not below the highest.
+        InputError: a prior pose without its covariance or the reverse, a pose that is not a rigid motion, a box of
+            which the lowest corner is not below the highest, or planes that do not fix a position together.
 
     Example:
         >>> import numpy as np
@@ -77,6 +83,7 @@ class PosePrior(Value):
     covariance: Covariances | None = None
     box: FloatArray | None = None
     table: Table | None = None
+    rests: tuple[Table, ...] = ()
     root: FloatArray | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
@@ -98,7 +105,19 @@ class PosePrior(Value):
                 raise InputError(f"prior, box: expected lowest and highest x, y, z, got {box.tolist()}.")
             check_places("prior, box", box)
             object.__setattr__(self, "box", box)
+        object.__setattr__(self, "rests", tuple(self.rests))
+        normals = np.array([plane.normal for plane in self.planes]).reshape(-1, 3)
+        if len(normals) > 3 or np.linalg.svd(normals)[1].min(initial=1.0) < _INDEPENDENT:
+            raise InputError(
+                "rests: expected at most three planes, the table included, no two parallel and not all along one line, "
+                f"got normals {np.round(normals, 4).tolist()}. Of two jaws give the fixed one."
+            )
         lock(self)
+
+    @property
+    def planes(self) -> tuple[Table, ...]:
+        """Return all planes that the part touches: the table first, then those of a fixture."""
+        return self.rests if self.table is None else (self.table, *self.rests)
 
 
 def prior_rows(
@@ -117,10 +136,10 @@ def prior_rows(
         e, L = _from_prior_pose(prior, Ts, rows)
         r.append((L @ e[..., None])[..., 0])
         J.append(L @ SE3.right_jacobian_inverse(e))
-    if prior is not None and prior.table is not None:
-        gap, row = _height_over_table(prior.table, part, Ts)
-        r.append(gap[:, None] / prior.table.sd)
-        J.append(row[:, None] / prior.table.sd)
+    for plane in () if prior is None else prior.planes:
+        gap, row = _height_over_table(plane, part, Ts)
+        r.append(gap[:, None] / plane.sd)
+        J.append(row[:, None] / plane.sd)
     return np.concatenate(r, axis=1), np.concatenate(J, axis=1)
 
 
@@ -130,8 +149,7 @@ def prior_residuals(prior: PosePrior, part: Part, Ts: Transforms) -> FloatArray:
     if prior.T_world_part is not None:
         e, L = _from_prior_pose(prior, Ts, None)
         r.append((L @ e[..., None])[..., 0])
-    if prior.table is not None:
-        r.append(_height_over_table(prior.table, part, Ts)[0][:, None] / prior.table.sd)
+    r += [_height_over_table(plane, part, Ts)[0][:, None] / plane.sd for plane in prior.planes]
     return np.concatenate(r, axis=1)
 
 
@@ -170,8 +188,11 @@ def log_density_within(prior: PosePrior | None, radius: float) -> FloatArray:
     if prior.covariance is not None:
         log = log + 3 * np.log(2 * radius) + np.log(8 * np.pi**2)
         log = log - 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(prior.covariance)[1]
-    if prior.table is not None:
-        log = log + np.log(2 * radius) - 0.5 * np.log(2 * np.pi) - np.log(prior.table.sd)
+    for plane in prior.planes:
+        log = log + np.log(2 * radius) - 0.5 * np.log(2 * np.pi) - np.log(plane.sd)
+    if prior.planes:  # heights over oblique planes change together
+        normals = np.array([plane.normal for plane in prior.planes])
+        log = log + 0.5 * np.linalg.slogdet(normals @ normals.T)[1]
     if prior.box is not None:
         log = log + 3 * np.log(2 * radius) - np.log(np.prod(prior.box[1] - prior.box[0]))
     return np.asarray(log)

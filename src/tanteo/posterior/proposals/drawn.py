@@ -9,6 +9,7 @@ missing (Good 1953).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import final
 
@@ -164,17 +165,18 @@ def _attitudes(
 ) -> tuple[FloatArray, Vectors, FloatArray] | None:
     """Return attitudes of the prior ``(n, 3, 3)``, with mean and information of the position at each; None without one.
 
-    A table alone leaves the attitude open: half of the attitudes put a face on it, the others are uniform.
+    A table alone leaves the attitude open: half of the attitudes put a face on it, the others are uniform. Of planes of
+    a fixture the second also gets a face in half of these.
     """
     known, pose = problem.mixture(prepared), problem.priors.pose
-    table = None if pose is None else pose.table
-    if known is None and table is None:
+    planes = () if pose is None else pose.planes
+    if known is None and not planes:
         return None
     middle: Vectors = np.zeros((n, 3))
     information: FloatArray = np.zeros((n, 3, 3))
     if known is None:
-        assert table is not None
-        R = SO3.exp(rng.uniform(-np.pi, np.pi, size=(n, 1)) * table.normal) @ _resting(prepared.part, table, n, rng)
+        down = planes[0].normal
+        R = SO3.exp(rng.uniform(-np.pi, np.pi, size=(n, 1)) * down) @ _resting(prepared.part, planes, n, rng)
     else:
         weights = np.exp(known.log_weights - known.log_weights.max())
         rows = rng.choice(len(weights), size=n, p=weights / weights.sum())
@@ -188,34 +190,45 @@ def _attitudes(
         spread = A @ (C[:, :3, :3] - gain @ C[:, 3:, :3]) @ A.swapaxes(1, 2)
         R, middle = there[:, :3, :3], there[:, :3, 3]
         information = np.asarray(np.linalg.inv(spread), dtype=np.float64)
-    if table is None:
+    if not planes:
         return R, middle, information
-    z = table.normal
-    low = (np.einsum("nij,i->nj", R, z) @ prepared.part.vertices.T).min(axis=1)
-    of_table = np.outer(z, z) / table.sd**2
-    right = np.einsum("nij,nj->ni", information, middle) + ((z @ table.point - low) / table.sd**2)[:, None] * z
-    information = information + of_table
-    ridge = 1e-9 * np.trace(of_table) * np.eye(3)
+    right, of_planes = np.einsum("nij,nj->ni", information, middle), np.zeros((3, 3))
+    for plane in planes:
+        z = plane.normal
+        low = (np.einsum("nij,i->nj", R, z) @ prepared.part.vertices.T).min(axis=1)
+        right = right + ((z @ plane.point - low) / plane.sd**2)[:, None] * z
+        of_planes += np.outer(z, z) / plane.sd**2
+    information = information + of_planes
+    ridge = 1e-9 * np.trace(of_planes) * np.eye(3)
     middle = np.asarray(np.linalg.solve(information + ridge, right[..., None])[..., 0], dtype=np.float64)
     return R, middle, information
 
 
-def _resting(part: Part, table: Table, n: int, rng: np.random.Generator) -> FloatArray:
-    """Return attitudes ``(n, 3, 3)``: half with a flat face on the table, by area, half uniform (Shoemake 1992)."""
+def _resting(part: Part, planes: Sequence[Table], n: int, rng: np.random.Generator) -> FloatArray:
+    """Return attitudes ``(n, 3, 3)``: half with a flat face on the first plane, by area, half uniform (Shoemake 1992).
+
+    Half of the first half are turned about the normal of the first plane until a face is nearest to the second plane.
+    """
     q = rng.normal(size=(n, 4))
-    R = SO3.from_quaternion(q / np.linalg.norm(q, axis=1, keepdims=True))
+    R = np.array(SO3.from_quaternion(q / np.linalg.norm(q, axis=1, keepdims=True)))
     if not len(part.planes):
-        return np.asarray(R)
-    areas = part.planes.areas
+        return R
+    areas, normal = part.planes.areas, planes[0].normal
     down = part.planes.normals[rng.choice(len(areas), size=n // 2, p=areas / areas.sum())]
     there = np.einsum("nij,nj->ni", R[: n // 2], down)
-    axis, cosine = np.cross(there, -table.normal), -there @ table.normal
+    axis, cosine = np.cross(there, -normal), -there @ normal
     sine = np.linalg.norm(axis, axis=1)
-    axis = np.where(
-        sine[:, None] > 1e-9, axis / np.maximum(sine, 1e-9)[:, None], np.linalg.svd(table.normal[None])[2][1]
-    )
+    axis = np.where(sine[:, None] > 1e-9, axis / np.maximum(sine, 1e-9)[:, None], np.linalg.svd(normal[None])[2][1])
     R[: n // 2] = SO3.exp(np.arctan2(sine, cosine)[:, None] * axis) @ R[: n // 2]
-    return np.asarray(R)
+    if len(planes) > 1:
+        rows = slice(0, n // 4)
+        side = part.planes.normals[rng.choice(len(areas), size=n // 4, p=areas / areas.sum())]
+        there, wanted = np.einsum("nij,nj->ni", R[rows], side), -planes[1].normal
+        u = wanted - (wanted @ normal) * normal
+        v = np.cross(normal, u)
+        turn = -np.arctan2(there @ v, there @ u)
+        R[rows] = SO3.exp(turn[:, None] * normal) @ R[rows]
+    return R
 
 
 def from_prior(problem: Problem, prepared: PreparedPart, count: int, rng: np.random.Generator) -> Transforms:

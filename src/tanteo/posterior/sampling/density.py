@@ -49,7 +49,7 @@ class Density:
         objective, prepared = self.objective, self.objective.prepared
         log, zs = _core.marginals(prepared.shape, objective.core, Ts, np.ascontiguousarray(zs))
         # subtract the density with no point on the part, whose dependence on the pose is that of the priors
-        untouched = self.log_untouched
+        untouched = np.full(len(Ts), self.log_untouched)
         if self.priors is not None and len(Ts):
             untouched = untouched + _core.marginals(prepared.shape, self.priors, Ts, np.zeros((len(Ts), 0)))[0]
         log = log + np.log(np.maximum(-np.expm1(np.minimum(untouched - log, 0.0)), 1e-300))

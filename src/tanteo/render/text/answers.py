@@ -14,7 +14,7 @@ from tanteo.words import from_surface, percent
 
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray
-    from tanteo.posterior import Answer, Hypothesis, PosePrior
+    from tanteo.posterior import Answer, Hypothesis, PosePrior, Table
 
 _MOST_NAMES = 12
 _MOST_PARTS = 3
@@ -157,16 +157,24 @@ def prior_words(prior: PosePrior) -> str:
     Args:
         prior: prior of the pose.
     """
-    words = (_table_words(prior), _box_words(prior), _near_words(prior))
+    words = (_table_words(prior), *map(_rest_words, prior.rests), _box_words(prior), _near_words(prior))
     return "; ".join(text for text in words if text)
 
 
 def _table_words(prior: PosePrior) -> str:
     if prior.table is None:
         return ""
-    (x, y, z), n = 1e3 * prior.table.point, prior.table.normal
-    where = f"z {z:.6g} mm" if n[2] == 1 else f"({x:.6g}, {y:.6g}, {z:.6g}) mm, normal ({_numbers(n, 4)}),"
-    return f"rests on a table at {where} (sd {1e3 * prior.table.sd:.3g} mm)"
+    flat = f"z {1e3 * prior.table.point[2]:.6g} mm" if prior.table.normal[2] == 1 else _plane_words(prior.table)
+    return f"rests on a table at {flat} (sd {1e3 * prior.table.sd:.3g} mm)"
+
+
+def _rest_words(plane: Table) -> str:
+    return f"touches a plane at {_plane_words(plane)} (sd {1e3 * plane.sd:.3g} mm)"
+
+
+def _plane_words(plane: Table) -> str:
+    x, y, z = 1e3 * plane.point
+    return f"({x:.6g}, {y:.6g}, {z:.6g}) mm, normal ({_numbers(plane.normal, 4)}),"
 
 
 def _box_words(prior: PosePrior) -> str:
