@@ -129,7 +129,7 @@ def _approached_face(one: GoodnessOfFit, k: int) -> int:
 
 
 def _is_refuted(one: GoodnessOfFit, k: int) -> bool:
-    """Return whether a reading near an outlier is on the part, on the face that the outlier is nearest to or approached.
+    """Return whether a reading near an outlier is on the part, on the face nearest to the outlier or to its approach.
 
     A reading that is some millimetres off a face near its border is nearest to another face.
     """
