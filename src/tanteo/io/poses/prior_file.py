@@ -135,7 +135,7 @@ class PriorFile(FileTable, frozen=True, kw_only=True, eq=False):
     """Content of a prior file: one or more of its tables."""
 
     table: TableTable | None = None
-    rests: list[RestTable] | None = None
+    rests: tuple[RestTable, ...] = ()
     box: BoxTable | None = None
     pose_prior: PosePriorTable | None = None
 
@@ -165,7 +165,7 @@ def read_prior(path: str | Path) -> PosePrior:
         covariance=None if prior is None else prior.C,
         box=None if file.box is None else file.box.to_box(),
         table=None if file.table is None else file.table.to_table(),
-        rests=tuple(one.to_table() for one in file.rests or ()),
+        rests=tuple(one.to_table() for one in file.rests),
     )
 
 
