@@ -457,6 +457,7 @@ def read_known(
     options = {"table": "--table", "rests": "--rests", "box": "--box"}
     options |= {"T_world_part": "--pose-prior", "covariance": "--pose-prior"}
     for name in given:
-        if getattr(read, name) not in (None, ()):
+        there = getattr(read, name)
+        if there is not None and not (isinstance(there, tuple) and not there):  # no planes
             raise MisuseError(f"{options[name]}: expected it once, got it in {file} too. Keep one.")
     return replace(read, **given)
