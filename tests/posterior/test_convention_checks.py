@@ -1,17 +1,20 @@
 """A mistake of a file is named where undoing it explains the readings, and nowhere else."""
 
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tanteo
-from bare_scenes import box_centred_pose
+from bare_scenes import beams, box_centred_pose
 from tanteo.geometry import SE3, SO3
+from tanteo.posterior import prepare
 from tanteo.sensors import Rig, RigSensor
 from tanteo.sensors.error_states import Stock
 from tanteo.words.findings import Convention, DirectionsConvention, OffsetQuestion, ScaleQuestion
 
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
 SD, RADIUS = 5e-5, 2e-3
 SIZES = {"long": (0.09, 0.05, 0.03), "flat": (0.07, 0.06, 0.015), "high": (0.04, 0.035, 0.08)}
 
@@ -170,3 +173,18 @@ def test_centres_that_a_part_cannot_have_are_named(blocks, kind, lacks):
     assert answer.status == "unknown"
     assert answer.message.startswith(f"long has {lacks}.")
     assert not [one for one in answer.findings if isinstance(one, OffsetQuestion)]
+
+
+@pytest.mark.parametrize(("name", "k"), [("step_12mm", 23), ("housing", 43)])
+def test_two_outliers_of_eight_touches_are_no_wrong_directions(name, k):
+    rng = np.random.default_rng((991, 3, k))
+    part = prepare(tanteo.read_part(PARTS / f"{name}.step"))
+    n = int(rng.choice([8, 12, 20]))
+    T = box_centred_pose(rng, 0.3)
+    p, d = beams(part, n, rng, tilt=0.2)
+    points, d = SE3.apply(T, p), d @ T[:3, :3].T
+    points += 1e-4 * rng.normal(size=p.shape)
+    rows = rng.permutation(n)[: max(2, n // 4)]
+    points[rows] += rng.uniform(-0.02, 0.02, (len(rows), 1)) * d[rows]
+    readings = tanteo.Readings.from_columns(points=points, sds=np.full(n, 1e-4), directions=d)
+    assert not any(isinstance(one, DirectionsConvention) for one in tanteo.locate(readings, part).findings)

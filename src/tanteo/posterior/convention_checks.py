@@ -6,12 +6,14 @@ never applies it: only the author of the file can decide what the numbers mean.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
+from tanteo.defaults import SIGNIFICANCE
 from tanteo.errors import TanteoError
 from tanteo.geometry import SE3
 from tanteo.geometry.limits import NOTABLE
@@ -22,6 +24,8 @@ from tanteo.posterior.answers.results import Answer
 from tanteo.posterior.candidates import Candidates, sizes_of
 from tanteo.posterior.conventions import HANDS, OTHERS, Mistake, of_rig
 from tanteo.posterior.findings import fits_size, scale_of, shared_estimates
+from tanteo.posterior.outliers import beta_binomial_tail
+from tanteo.posterior.prepared import prepare
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.settings import DEFAULTS, Settings
 from tanteo.posterior.trial_fit import TrialFit, trial_fits
@@ -30,6 +34,7 @@ from tanteo.sensors.error_states import ErrorState, Offset, Scale, Stock
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
     Convention,
+    DirectionsConvention,
     MirrorConvention,
     MirrorQuestion,
     OffsetQuestion,
@@ -43,7 +48,11 @@ _SHARED_SD = 0.03
 """Standard deviation of an unstated scale, and of an unstated offset over the size of the largest part."""
 
 _CHANCE = 1e-6
-"""Definition: significance of an unstated error, one in 500 over 2,000 poses."""
+"""Definition: significance of an unstated error or mistake, one in 500 over 2,000 poses."""
+
+
+_GRAZING = 0.02
+"""Definition: least cosine of incidence at which a touch or beam measures a face, as in the core."""
 
 
 class Query(Protocol):
@@ -150,9 +159,40 @@ def _about_ways(
         if meant is not None and way.finding is UnitsConvention and not _is_of_size(meant, parts, settings):
             continue
         found = None if meant is None else _answer_to(question, meant, parts, settings)
-        if found is not None and fits(found, settings):
+        if found is None or not fits(found, settings):
+            continue
+        if way.finding is not DirectionsConvention or _contradict(found, meant, readings, parts, question):
             return way.finding(*_fitting(found), way.mistake)
     return None
+
+
+def _contradict(found: Answer, meant: Readings, readings: Readings, parts: Sequence[Part], question: Query) -> bool:
+    """Return whether more directions contradict the pose that was found with other ones than outliers explain.
+
+    A direction contradicts it if it points along or out of the nearest face, or if the part is in its way. A pose that
+    fits by chance is no reason: each redundant residual is within two sds with their ratio to the part's size, and
+    each direction points into the part with a probability of a half.
+    """
+    best = found.hypotheses[0]
+    part = part_named(parts, best.part)
+    if part is None:
+        return True
+    prepared, T = prepare(part), SE3.inverse(best.T_world_part)
+    sd = best.rms * math.sqrt(len(best.pairings) / best.dof)
+    chance = min(4 * sd / prepared.part.diagonal, 1.0) ** best.dof * 0.5 ** int(meant.directions.given.sum())
+    if chance > _CHANCE:
+        return False
+    rows = np.flatnonzero(readings.directions.given & readings.points.given & ~readings.is_free)
+    if not len(rows):
+        return True
+    p, d = SE3.apply(T, readings.points[rows]), readings.directions[rows] @ T[:3, :3].T
+    near = prepared.surface.closest(p)
+    far = 2 * prepared.part.diagonal
+    ahead = prepared.surface.cast(p - far * d, d).distances
+    off = np.abs(near.distances) / _GRAZING  # along the approach, of a ball that stops before the surface, or noise
+    wrong = (np.sum(d * prepared.surface.normals[near.triangles], axis=1) > -_GRAZING) | (ahead < far - off)
+    rate = question.problem(readings, parts)[0].priors.outlier_rate
+    return beta_binomial_tail(int(wrong.sum()), len(rows), rate) < SIGNIFICANCE
 
 
 def _about_response(
