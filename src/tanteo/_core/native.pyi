@@ -131,6 +131,7 @@ def refine_poses(
     poses: FloatArray,
     offset_sd: float = 0.0,
     with_distances: bool = False,
+    known: float = 1e300,
 ) -> tuple[FloatArray, FloatArray, Indices, FloatArray, FloatArray]: ...
 def maximize(
     shape: Shape,

@@ -370,11 +370,10 @@ def _first_pass(
     active = {id(one) for one in still_active(passes, -np.inf, margin)}
     live = []
     for search, one in zip(searches, passes, strict=True):
-        if id(one) not in active:
-            continue
-        live.append(search)
+        if id(one) in active:
+            live.append(search)
         if search is not one:
-            _continue_with_all(search, one)
+            (_continue_with_all if id(one) in active else PartSearch.take_tried)(search, one)
     return _Start(searches, live, others, dropped, tail)
 
 
@@ -527,15 +526,20 @@ def _pass_on(searches: Sequence[PartSearch]) -> None:
     Twins and variants share their frames. Mirrored and nearly symmetric ones have the touched planes on other faces. As
     all such poses are tried, their maxima are found as surely as that of the leader.
     """
-    leaders = searches[0].objective.problem.settings.pruning.leaders if searches else 0
-    order = sorted((s for s in searches if len(s.peaks)), key=lambda s: -s.log_evidence)[:leaders]
+    order = sorted((s for s in searches if len(s.peaks)), key=lambda s: -s.log_evidence)
+    if not order:
+        return
+    own, top = order[0].objective.problem.settings, order[0].log_evidence
+    least = top - own.search.negligible / own.pruning.estimate_weight
+    order = [s for s in order[: own.pruning.leaders] if s.log_evidence > least]
     leading = [(s, s.peaks.take(np.zeros(1, dtype=np.int64))) for s in order]
     planes = [planes_at(search.objective, best) for search, best in leading]
     for search in searches:
-        new = [k for k, (leader, best) in enumerate(leading) if not search.has_tried(leader.objective, best)]
+        counted = search.log_evidence > top - own.search.negligible
+        new = [k for k, (s, best) in enumerate(leading) if not search.has_tried(s.objective, best, counted=counted)]
         poses = [InitialPoses(leading[k][1].Ts, leading[k][1].groups) for k in new if leading[k][0] is not search]
-        if poses:
-            search.add(InitialPoses.joined(poses))
         for k in new:
             Ts = poses_on_planes(planes[k], search.objective)
-            search.add(InitialPoses(Ts, np.full(len(Ts), leading[k][1].groups[0])))
+            poses.append(InitialPoses(Ts, np.full(len(Ts), leading[k][1].groups[0])))
+        if poses:
+            search.add(InitialPoses.joined(poses), leader=(order[0].objective, leading[0][1].Ts))

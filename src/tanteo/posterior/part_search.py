@@ -111,37 +111,46 @@ class PartSearch:
             count = self.settings.maximized
             self.along = along_ridge(objective, from_prior(objective.problem, objective.prepared, count, self.rng))
 
-    def add(self, found: InitialPoses, most: int | None = None) -> None:
+    def add(
+        self, found: InitialPoses, most: int | None = None, leader: tuple[Objective, Transforms] | None = None
+    ) -> None:
         """Refine and maximize initial poses, and merge the maxima with those found before.
 
         Args:
             found: initial poses.
             most: largest number of refined poses to maximize from; None for the number of the proposer.
+            leader: a part and a pose of it; refined poses that explain far fewer points are not maximized.
         """
         if not len(found):
             return
         objective, refined = self.objective, found.refined
         keep = found.keep if found.keep is not None else max(len(found), 1)
         keep = keep if most is None else min(keep, most)
-        Ts, sources = objective.refine(np.ascontiguousarray(found.Ts[~refined]), found.sources[~refined], keep)
+        known = {} if leader is None or refined.all() else {"known": leader[0].refined_cost(leader[1], objective)}
+        Ts, sources = objective.refine(np.ascontiguousarray(found.Ts[~refined]), found.sources[~refined], keep, **known)
         rest = objective.maximize(Ts, groups=sources)
         near = objective.maximize(np.ascontiguousarray(found.Ts[refined]), groups=found.sources[refined], fine=True)
         self.peaks = objective.merged(self.peaks, rest.join(near), self.settings.maximized)
 
-    def has_tried(self, other: Objective, best: Peaks) -> bool:
-        """Return whether the best maximum of a part was tried on this part before, as surely found; if not, note it.
+    def has_tried(self, other: Objective, best: Peaks, *, counted: bool) -> bool:
+        """Return whether the best maximum of a part was tried on this part before; if not, note it.
 
         Args:
             other: objective of that part.
             best: its best maximum.
+            counted: whether it has to be tried again once more sources led to it, so that those of the maxima are known.
         """
         known = self._tried.get(id(other.prepared), Peaks.none(other.problem.states))
-        enough = min(float(best.times[0]), -np.log2(self.settings.missing))  # more sources change no missed probability
-        sure = known.take(np.flatnonzero(known.times >= enough))
-        if len(sure) and not len(other.unlike(best, sure)):
+        enough = min(float(best.times[0]), -np.log2(self.settings.missing))  # more change no missed probability
+        sure = known.take(np.flatnonzero(known.times >= enough)) if counted else known
+        if len(sure) and other.starts_at(best.Ts, sure.Ts):
             return True
         self._tried[id(other.prepared)] = known.join(best)
         return False
+
+    def take_tried(self, few: PartSearch) -> None:
+        """Count the poses of other parts as tried that a search with a few of the points tried."""
+        self._tried = few._tried
 
     def _take_other_points(self) -> None:
         """Choose other points for proposals and refinement."""

@@ -355,17 +355,18 @@ Out scores(const Shape& shape, const Problem& problem, Ints rows, Doubles Ts, do
 
 // Refined poses, their costs, the start that led to each, the common offsets [m] and the distances of the points.
 std::tuple<Out, Out, OutInts, Out, Out> refined(const Shape& shape, const Problem& problem, Ints rows, Doubles scales,
-                                                 Doubles Ts, double offset_sd, bool with_distances) {
+                                                 Doubles Ts, double offset_sd, bool with_distances, double known) {
     const std::vector<Pose> starts = poses(Ts);
     const std::vector<int> which = expect(rows, "rows", ANY, 0, int64_t(problem.factors.size()) - 1);
     const std::vector<double> steps = doubles(scales, "scales", {ANY});
     if (steps.empty()) refuse("scales", "expected some, got none");
     for (const double step : steps) expect(step, "scales", 1e-300, 1e300);
     expect(offset_sd, "offset_sd", 0, 1e300);
+    expect(known, "known", 0, 1e300);
     std::vector<RefinedPose> found;
     {
         nb::gil_scoped_release release;
-        found = refine_poses(shape, problem, which, steps, starts, offset_sd);
+        found = refine_poses(shape, problem, which, steps, starts, offset_sd, known);
     }
     std::vector<Pose> at;
     std::vector<double> costs, offsets, distances;
@@ -601,7 +602,7 @@ NB_MODULE(native, m) {
           "blur"_a, "tilt"_a, "keep"_a, "seed"_a);
     m.def("scores", &scores, "shape"_a, "problem"_a, "rows"_a, "poses"_a, "blur"_a, "tilt"_a);
     m.def("refine_poses", &refined, "shape"_a, "problem"_a, "rows"_a, "scales"_a, "poses"_a,
-          "offset_sd"_a = 0.0, "with_distances"_a = false);
+          "offset_sd"_a = 0.0, "with_distances"_a = false, "known"_a = 1e300);
     m.def("maximize", &maximized, "shape"_a, "problem"_a, "poses"_a, "shared"_a, "blurs"_a, "steps"_a, "enough"_a,
           "margin"_a);
     m.def("marginals", &marginals, "shape"_a, "problem"_a, "poses"_a, "shared"_a);

@@ -119,7 +119,7 @@ NormalEquations<K> surface_distances(const Shape& shape, const Problem& problem,
 template <int K>
 static std::vector<RefinedPose> refine_states(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
                                               const std::vector<double>& scales, const std::vector<Pose>& starts,
-                                              double offset_sd) {
+                                              double offset_sd, double known) {
     std::vector<RefinedPose> all;
     for (size_t k = 0; k < starts.size(); ++k) all.push_back({starts[k], 0, static_cast<int>(k)});
     // after every three steps, poses of high cost are dropped
@@ -142,7 +142,7 @@ static std::vector<RefinedPose> refine_states(const Shape& shape, const Problem&
                 if (steps < 3) equations(steps - 1);  // cost at the last pose
             };
         });
-        double best = 1e300;
+        double best = known;
         for (const RefinedPose& one : all) best = std::min(best, one.cost);
         all.erase(std::remove_if(all.begin(), all.end(), [&](const RefinedPose& one) { return one.cost > best + HOPELESS; }),
                   all.end());
@@ -152,8 +152,8 @@ static std::vector<RefinedPose> refine_states(const Shape& shape, const Problem&
 
 std::vector<RefinedPose> refine_poses(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
                                       const std::vector<double>& scales, const std::vector<Pose>& starts,
-                                      double offset_sd) {
-    return (offset_sd > 0 ? refine_states<7> : refine_states<6>)(shape, problem, rows, scales, starts, offset_sd);
+                                      double offset_sd, double known) {
+    return (offset_sd > 0 ? refine_states<7> : refine_states<6>)(shape, problem, rows, scales, starts, offset_sd, known);
 }
 
 std::vector<double> distances_at(const Shape& shape, const Problem& problem, const std::vector<int>& rows,

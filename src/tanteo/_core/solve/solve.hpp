@@ -14,11 +14,11 @@ struct RefinedPose {
 };
 
 // Robust ICP of the points in rows to the nearest surface, at scales from coarse to fine [m]. Poses of much higher cost
-// than the best are dropped. With offset_sd > 0 [m], the prior of it, all points have a common offset along their approach,
+// than the best, or than a known one of another part, are dropped. With offset_sd > 0 [m], the prior of it, all points have a common offset along their approach,
 // or along the surface's normal if no approach is known.
 std::vector<RefinedPose> refine_poses(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
                                       const std::vector<double>& scales, const std::vector<Pose>& starts,
-                                      double offset_sd = 0);
+                                      double offset_sd = 0, double known = 1e300);
 
 // Signed distances of points from the nearest element at a refined pose, with the offset [m]; infinite if the part has no
 // such element, or if it is approached from the inner side.

@@ -100,6 +100,9 @@ def scores_of(
     )
 
 
+_NO_COST = 1e300
+"""Numerical: cost of no pose."""
+
 _ROUNDING = 1e-11
 """Numerical: fraction of an information that is added to its diagonal, so that rounding loses no direction."""
 
@@ -202,24 +205,52 @@ class Objective:
         """Return whether a prior pose selects one of several symmetric poses."""
         return self.problem.mixture(self.prepared) is not None
 
-    def refine(self, Ts: Transforms, groups: IntArray, keep: int) -> tuple[Transforms, IntArray]:
+    @property
+    def _near(self) -> FloatArray:
+        """Return one over the squared shifts and turns within which refined poses are one ``(6,)``."""
+        end = float(self.scales.refine[-1])
+        turn = end / (0.25 * self.prepared.shape.diagonal)
+        return np.r_[np.full(3, end**-2.0), np.full(3, turn**-2.0)]
+
+    def starts_at(self, T: Transforms, known: Transforms) -> bool:
+        """Return whether a pose ``(1, 4, 4)`` is one of known ones ``(S, 4, 4)`` for the refinement."""
+        Ts = folded(self.prepared, np.ascontiguousarray(known), T, named=self.named)
+        x = _core.offsets(T[0], np.ascontiguousarray(Ts), self.prepared.shape.centre)
+        return bool((x**2 @ self._near < 1).any())
+
+    def refine(
+        self, Ts: Transforms, groups: IntArray, keep: int, known: float = _NO_COST
+    ) -> tuple[Transforms, IntArray]:
         """Refine poses on the surface, and return the best distinct ones with the sources that led to each.
 
         Args:
             Ts: poses ``(S, 4, 4)``.
             groups: sources of each pose, one bit each ``(S,)``.
             keep: largest number of poses that are returned.
+            known: cost of a pose of another part; poses whose cost is that of four more outliers are dropped.
         """
         if not len(Ts):
             return Ts, groups
-        shape, scales, end = self.prepared.shape, self.scales.refine, float(self.scales.refine[-1])
-        Ts, costs, rows, *_ = _core.refine_poses(shape, self.refining, self.rows, scales, np.ascontiguousarray(Ts))
+        shape, scales = self.prepared.shape, self.scales.refine
+        Ts, costs, rows, *_ = _core.refine_poses(
+            shape, self.refining, self.rows, scales, np.ascontiguousarray(Ts), known=known
+        )
         order, groups = np.argsort(costs, kind="stable"), groups[rows]
-        near = np.r_[np.full(3, end**-2.0), np.full(3, (end / (0.25 * shape.diagonal)) ** -2.0)]
         Ts = np.ascontiguousarray(Ts[order])
-        near = np.ascontiguousarray(np.broadcast_to(np.diag(near), (len(Ts), 6, 6)))
+        near = np.ascontiguousarray(np.broadcast_to(np.diag(self._near), (len(Ts), 6, 6)))
         kept, who = _core.distinct(Ts, near, 1.0, keep, shape.centre)
         return np.ascontiguousarray(Ts[kept]), _united(groups[order], who.astype(np.int64), len(kept))
+
+    def refined_cost(self, Ts: Transforms, like: Objective) -> float:
+        """Return the least cost of poses after refinement by the points and at the last scale of another part.
+
+        Args:
+            Ts: poses of this part ``(S, 4, 4)``.
+            like: objective of the other part.
+        """
+        end = like.scales.refine[-1:]
+        costs = _core.refine_poses(self.prepared.shape, self.refining, like.rows, end, np.ascontiguousarray(Ts))[1]
+        return float(costs.min(initial=_NO_COST))
 
     def maximize(
         self, Ts: Transforms, zs: FloatArray | None = None, groups: IntArray | None = None, *, fine: bool = False
