@@ -9,6 +9,7 @@ import pytest
 
 import tanteo
 from bare_scenes import box_centred_pose, off, surface_points
+from tanteo import _core
 from tanteo.geometry import SE3
 from tanteo.posterior import prepare
 
@@ -68,3 +69,20 @@ def test_an_edge_touched_on_a_face_fits_longer_edges_too(parts):
     answer = tanteo.identify(readings, [q.part for q in parts], conventions=False, top=12)
     assert "block" in dict(answer.parts)
     assert answer.status != "recognized" or answer.best.part == "block"
+
+
+def test_poses_of_leaders_are_maximized_once(parts, monkeypatch):
+    rng, starts = np.random.default_rng(5), []
+    p, _ = surface_points(parts[0], 12, rng)
+    maximize = _core.maximize
+
+    def noted(shape, problem, Ts, *rest):
+        starts.extend((id(shape), T.tobytes()) for T in Ts)
+        return maximize(shape, problem, Ts, *rest)
+
+    monkeypatch.setattr(_core, "maximize", noted)
+    points = SE3.apply(box_centred_pose(rng), p) + 2e-3 * rng.normal(size=p.shape)
+    readings = tanteo.Readings.from_columns(points, sds=np.full(len(points), 2e-3))
+    tanteo.identify(readings, [p.part for p in parts[:3]], conventions=False)
+    print(len(starts), len(set(starts)))
+    assert len(set(starts)) > 0.8 * len(starts)
