@@ -138,7 +138,7 @@ class PartSearch:
         Args:
             other: objective of that part.
             best: its best maximum.
-            counted: whether it has to be tried again once more sources led to it, so that those of the maxima are known.
+            counted: whether it has to be tried again once more sources led to it, so that the maxima have them, too.
         """
         known = self._tried.get(id(other.prepared), Peaks.none(other.problem.states))
         enough = min(float(best.times[0]), -np.log2(self.settings.missing))  # more change no missed probability
