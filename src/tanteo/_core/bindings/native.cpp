@@ -407,9 +407,9 @@ nb::tuple maximized(const Shape& shape, const Problem& problem, Doubles Ts, Doub
     for (size_t k = 0; k < S; ++k) {
         all[k] = found[k].state;
         at[k] = found[k].state.pose;
-        logs[k] = found[k].log;
+        logs[k] = found[k].at.value;
         from[k] = found[k].from;
-        symmetric(found[k].information, static_cast<int>(K), &informations[k * K * K]);
+        symmetric(found[k].at.information, static_cast<int>(K), &informations[k * K * K]);
     }
     return nb::make_tuple(poses_out(at), shared_out(all, K - 6), list_of(std::move(logs)),
                           array_of(std::move(informations), {S, K, K}), list_of(std::move(from)));

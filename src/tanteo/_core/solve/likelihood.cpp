@@ -354,8 +354,7 @@ struct ScaleSlope {
 
 // Gradient and information of all components of a factor. The facets of one face draw a point to their middles but do not
 // constrain it there: the information is that of the mixture, the mean of theirs minus the spread of their gradients.
-LocalSlope slope_of(const Components& components, const double* weights, std::vector<int>& order, const Factor& factor,
-                    double unscaled, ScaleSlope& scale) {
+LocalSlope slope_of(const Components& components, const double* weights, std::vector<int>& order) {
     LocalSlope sum;
     const Component* all = components.all.data();
     std::sort(order.begin(), order.end(), [&](int a, int b) { return all[a].element < all[b].element; });
@@ -367,7 +366,6 @@ LocalSlope slope_of(const Components& components, const double* weights, std::ve
             const int k = order[next];
             const Vec3 before = own.p;
             add_component(own, all[k], weights[k]);
-            scale.add(all[k], factor.codimension(), weights[k], unscaled);
             const Vec3 pull = own.p - before;
             add_outer(pulls, 1 / weights[k], pull, pull);
             weight += weights[k];
@@ -387,7 +385,7 @@ LocalSlope slope_of(const Components& components, const double* weights, std::ve
 // The chain rule from a factor's position p and direction m in the part frame to the states (v, w, z):
 //   dp = -v + y x w + R' G dz, with y = p - centre,    dm = m x w + R' H dz.
 void add_states(const LocalSlope& s, const Vec3& y, const Vec3& m, const Mat3& R, const Problem& problem, int j,
-                double* gradient, double* information) {
+                bool with_pose, double* gradient, double* information) {
     const int D = problem.shared, K = problem.size(), P = 6 + D;
     const bool oriented = problem.factors[j]->has_direction();
     const int rows = oriented ? 6 : 3;
@@ -396,7 +394,8 @@ void add_states(const LocalSlope& s, const Vec3& y, const Vec3& m, const Mat3& R
     thread_local std::vector<double> rows_of_J, rows_of_BJ;
     const double *G = D ? problem.place_jacobian(j) : nullptr, *H = D && oriented ? problem.turn_jacobian(j) : nullptr;
     columns.clear();
-    for (int k = 0; k < P; ++k) {
+    const int pose = with_pose ? 6 : 0;
+    for (int k = 6 - pose; k < P; ++k) {
         bool moves = k < 6;
         for (int i = 0; i < 3 && !moves; ++i) moves = G[i * D + k - 6] != 0 || (H && H[i * D + k - 6] != 0);
         if (moves) columns.push_back(k);
@@ -408,14 +407,14 @@ void add_states(const LocalSlope& s, const Vec3& y, const Vec3& m, const Mat3& R
     for (int i = 0; i < 6; ++i) J[i] = &rows_of_J[static_cast<size_t>(i) * n], BJ[i] = &rows_of_BJ[static_cast<size_t>(i) * n];
     const double Y[9] = {0, -y.z, y.y, y.z, 0, -y.x, -y.y, y.x, 0};
     const double M[9] = {0, -m.z, m.y, m.z, 0, -m.x, -m.y, m.x, 0};
-    for (int i = 0; i < 3; ++i)
+    for (int i = 0; i < 3 && pose; ++i)
         for (int k = 0; k < 3; ++k) {
             J[i][k] = i == k ? -1 : 0;
             J[i][3 + k] = Y[3 * i + k];
             J[3 + i][k] = 0;
             J[3 + i][3 + k] = M[3 * i + k];
         }
-    for (int c = 6; c < n; ++c) {
+    for (int c = pose; c < n; ++c) {
         const int d = columns[c] - 6;
         const Vec3 g = transposed_times(R, {G[d], G[D + d], G[2 * D + d]});
         Vec3 h;
@@ -461,11 +460,14 @@ void Likelihood::add_factors(const State& state) {
         for (int k = own.first; k < own.first + own.count; ++k)
             if (responsibility[k] >= 1e-12) order.push_back(k);
         ScaleSlope scale;
-        const LocalSlope sum =
-            slope_of(components, responsibility.data(), order, factor, factor.extra + blur * blur, scale);
-        add_states(sum, own.p - shape.centre, own.m, state.pose.R, problem, static_cast<int>(j), gradient.data(),
-                   information.data());
+        const double unscaled = factor.extra + blur * blur;
+        if (with_pose || problem.shared) {
+            const LocalSlope sum = slope_of(components, responsibility.data(), order);
+            add_states(sum, own.p - shape.centre, own.m, state.pose.R, problem, static_cast<int>(j), with_pose,
+                       gradient.data(), information.data());
+        }
         if (problem.scale_sd > 0 && blur == 0) {  // blurred noise is not that of a device
+            for (const int k : order) scale.add(components.all[k], factor.codimension(), responsibility[k], unscaled);
             scaled += scale.scaled;
             weight += own.inlier;
             gradient.back() += problem.scale_sd * scale.gradient;

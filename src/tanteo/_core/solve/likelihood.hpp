@@ -51,6 +51,7 @@ class Likelihood {
     double at(const State& state, bool with_slope);
 
     bool with_terms = true;          // whether further terms are added (PoseTerm)
+    bool with_pose = true;           // whether factors add the slope by the pose, too; false: by the other states alone
     std::vector<char> coarse;        // whether each factor counts while noise is blurred; empty: all do
     double blur = 0, blur_turn = 0;  // added to the noise of places [m] and directions [rad]: coarse to fine
     std::vector<double> gradient, information;

@@ -197,11 +197,6 @@ static double determined_by_points(const Likelihood& likelihood, const std::vect
 namespace {
 
 // The log density at a state, its gradient and information over the states from the first on.
-struct Linear {
-    double value = 0, scale_slope = 0;
-    std::vector<double> gradient, information;
-};
-
 void linearize(Likelihood& likelihood, const State& state, int first, Linear& out) {
     out.value = likelihood.at(state, true);
     const int K = static_cast<int>(likelihood.gradient.size()), D = K - first;
@@ -216,7 +211,7 @@ void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, 
             Maximum& maximum) {
     likelihood.blur = blur;
     likelihood.blur_turn = blur / (0.25 * shape.diagonal);
-    Linear at, there;
+    Linear &at = maximum.at, there;
     const bool scaled = problem.scale_sd > 0;
     // adds the log of the integral over the states that the points determine: a multiple of the log of the noise scale,
     // with a factor that is fixed during a step
@@ -226,8 +221,11 @@ void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, 
         at.gradient.back() += at.scale_slope;
     };
     const auto damped = [&](int i, double diagonal, double damping) { return damping * diagonal + weak_prior(i, shape); };
-    linearize(likelihood, maximum.state, 0, at);
-    add_integral(at);
+    if (maximum.blur != blur) {  // otherwise the last level ended with it
+        linearize(likelihood, maximum.state, 0, at);
+        add_integral(at);
+        maximum.blur = blur;
+    }
     const Damping rule{1e-3, 0.1, 1e-6, 20, 0, 5};
     maximize(at, steps, rule, damped, [&](double* step, double predicted, const double*) {
         if (predicted < enough) return Attempt::LAST;
@@ -241,8 +239,6 @@ void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, 
         add_integral(at);
         return gain < enough ? Attempt::LAST : Attempt::TAKEN;
     });
-    maximum.log = at.value;
-    std::swap(maximum.information, at.information);
 }
 
 // Whether each point is one of `count` that are far apart; empty if there are no more points. They are chosen among twice
@@ -284,9 +280,9 @@ std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, co
             };
         });
         double best = -1e300;
-        for (const Maximum& maximum : maxima) best = std::max(best, maximum.log);
+        for (const Maximum& maximum : maxima) best = std::max(best, maximum.at.value);
         maxima.erase(std::remove_if(maxima.begin(), maxima.end(),
-                                    [&](const Maximum& maximum) { return !(maximum.log >= best - gap); }),
+                                    [&](const Maximum& maximum) { return !(maximum.at.value >= best - gap); }),
                      maxima.end());
     };
     if (maxima.size() > 2) level(blurs.empty() ? 0 : blurs[0], 0, 0, 2 * margin);  // without a step
@@ -301,6 +297,7 @@ std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, co
 double marginal(Likelihood& likelihood, const Problem& problem, State& state) {
     const int D = problem.size() - 6;
     if (!D) return likelihood.at(state, false);
+    likelihood.with_pose = false;
     Linear at, there;
     linearize(likelihood, state, 6, at);
     double log_det = 0;

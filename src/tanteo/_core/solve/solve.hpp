@@ -25,12 +25,18 @@ std::vector<RefinedPose> refine_poses(const Shape& shape, const Problem& problem
 std::vector<double> distances_at(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
                                  const RefinedPose& at);
 
-// A maximum of the log density, with the information there.
+// The log density at a state, its gradient and information over some of the states.
+struct Linear {
+    double value = 0, scale_slope = 0;  // scale_slope: what the integral over other states adds to the last gradient
+    std::vector<double> gradient, information;
+};
+
+// A maximum of the log density, with the linearization there.
 struct Maximum {
     State state;
-    double log = 0;
-    std::vector<double> information;
-    int from = 0;  // index of its start
+    Linear at;
+    double blur = -1;  // of the noise in this linearization [m]; -1: there is none yet
+    int from = 0;      // index of its start
 };
 
 // Levenberg-Marquardt steps with blurred noise [m], until a step gains less than `enough`.
