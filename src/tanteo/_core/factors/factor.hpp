@@ -72,9 +72,12 @@ struct Placement {
     bool with_slope;
 };
 
+struct FaceQueue;
+
 // The components of all measurements, one after another, and work space of one evaluation.
 struct Components {
     std::vector<Component> all;
+    FaceQueue* queue = nullptr;                     // what the factors began
     std::vector<BallContact> contacts, near_faces;  // of one ball
     int model = 0;                                  // which model of a device is evaluated (Factor::has_models)
 
@@ -140,6 +143,8 @@ class Factor {
     bool isotropic = false;  // whether cov is a multiple of the identity
 
     bool has_direction() const { return oriented || aims; }
+    // Adds work that runs in lanes for many factors together; evaluate() at the same placement takes the results.
+    virtual void begin(const Placement&, FaceQueue&) const {}
     // Appends a component for each element that may have been measured.
     virtual void evaluate(const Placement& placement, Components& out) const = 0;
     // Number of directions in which an element constrains the measurement.

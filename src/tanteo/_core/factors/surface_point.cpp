@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "factors/face_queue.hpp"
 #include "factors/registry.hpp"
-#include "factors/truncated_normal.hpp"
 
 namespace tanteo {
 
@@ -94,96 +94,145 @@ inline double SurfacePoint::incidence_density(const Vec3& n, const Vec3& d, doub
     return sided && dot(n, d) > CLEARLY ? FROM_INSIDE * per_area : per_area;
 }
 
+struct SurfacePoint::Extent {  // of the noise of a placement, and what follows for the faces
+    double sd, reach, least;  // largest standard deviation; reach in these; sd of the noise for facet clusters, 0 for none
+    bool ball, kept_off;      // whether the tip may touch edges, and whether other faces keep it off
+    Vec3 along;               // direction of the beam or approach in the part frame
+};
+
+SurfacePoint::Extent SurfacePoint::extent_of(const Placement& at) const {
+    Extent extent;
+    extent.sd = std::sqrt(isotropic ? at.C(0, 0) : at.C(0, 0) + at.C(1, 1) + at.C(2, 2));
+    extent.reach = at.blur > 0 ? ROUGH_REACH : REACH;
+    extent.ball = radius > (at.blur > 0 ? ROUGH_BALL : BALL) * extent.sd;
+    extent.kept_off = extent.ball && at.blur == 0;  // by other faces; blurred noise is too wide for this
+    extent.least = extent.kept_off || oriented ? 0 : isotropic ? extent.sd : at.blur;
+    if (sided) extent.along = transposed_times(at.R, inward);
+    return extent;
+}
+
+void SurfacePoint::begin(const Placement& at, FaceQueue& queue) const {
+    const Extent extent = extent_of(at);
+    queue.blocks.push_back({queue.faces.size(), 0, queue.clusters.size(), 0});
+    const auto done = [&](const Place& place) {
+        return place.size < LARGE * extent.least && add_facet_cluster(at, extent, place, queue);
+    };
+    at.shape.flats_near(at.p, extent.reach * extent.sd + radius, done, [&](int which) {
+        if (!done(at.shape.places[which])) add_face(at, extent, which, queue);
+    });
+    FaceQueue::Block& block = queue.blocks.back();
+    block.faces = queue.faces.size() - block.first_face;
+    block.clusters = queue.clusters.size() - block.first_cluster;
+}
+
 void SurfacePoint::evaluate(const Placement& at, Components& out) const {
     const size_t first = out.size();
-    evaluate_faces(at, out);
+    const Extent extent = extent_of(at);
+    take_faces(at, extent, out);
+    if (extent.ball) {
+        const double normal_variance = direction_sd * direction_sd + at.blur_turn * at.blur_turn;
+        const double per_sd = 1 / (isotropic ? extent.sd : extent.sd / std::sqrt(3.0));
+        evaluate_convex_edges({at, extent.along, per_sd, normal_variance}, out);
+        if (extent.kept_off) keep_outside(at, first, out);
+    }
     if (out.size() > first && is_blocked(at)) out.all.resize(first);
 }
 
-void SurfacePoint::evaluate_faces(const Placement& at, Components& out) const {
+// Adds a face unless it is out of reach.
+void SurfacePoint::add_face(const Placement& at, const Extent& extent, int which, FaceQueue& queue) const {
     const Shape& shape = at.shape;
     const Vec3& p = at.p;
     const Mat3& C = at.C;
-    const size_t first = out.size();
-    const double widest = std::sqrt(isotropic ? C(0, 0) : C(0, 0) + C(1, 1) + C(2, 2));
-    const Vec3 d = sided ? transposed_times(at.R, inward) : Vec3{};
-    const double per_area = 1 / shape.area;
-    const bool ball = radius > (at.blur > 0 ? ROUGH_BALL : BALL) * widest;
-    const bool kept_off = ball && at.blur == 0;  // by other faces; blurred noise is too wide for this
+    const Flat& flat = shape.flats[which];
+    const TangentPlane plane = tangent_plane(shape, flat, p, oriented);
+    const Vec3& n = plane.normal;
+    Vec3 Cn;
+    double variance = C(0, 0), sd = extent.sd;
+    if (!isotropic) {
+        Cn = C * n;
+        variance = dot(n, Cn);
+        sd = std::sqrt(variance);
+    }
+    const double gap = plane.distance - radius;
+    // if the ball overlaps the face, it cannot touch another one
+    const bool inside = extent.kept_off && gap < 0 && plane.distance > -radius;
+    const bool reached = std::fabs(gap) <= extent.reach * sd;
+    if (!reached && !inside) return;
+    const double per_sd = 1 / sd, r = gap * per_sd;
+    double weight = incidence_density(n, extent.along, 1 / shape.area) * per_sd;
+    double exponent = -0.5 * r * r - HALF_LOG_TWO_PI - log_outlier;
+    PendingFace face;
+    Component& c = face.component;
+    if (oriented) {
+        const double normal_variance = direction_sd * direction_sd + at.blur_turn * at.blur_turn;
+        const Vec3 axes[2] = {flat.u, flat.v};
+        const double flat_bend[2] = {0, 0};
+        weight *= fast_exp(exponent) *
+                  (plane.round ? tilt_density(plane.at.e, plane.at.bend, n, C, at.m, normal_variance, c)
+                               : tilt_density(axes, flat_bend, n, C, at.m, normal_variance, c));
+        exponent = 0;
+        if (!(weight >= at.negligible) && !inside) return;
+    }
+    face.W = {per_sd, 0, per_sd, extent.sd, true};
+    if (!isotropic || plane.round) {
+        if (isotropic) Cn = variance * n;
+        const double Cu = dot(flat.u, Cn), Cv = dot(flat.v, Cn);
+        face.ku = Cu / variance;
+        face.kv = Cv / variance;
+        face.W = whitening_of(dot(flat.u, C * flat.u) - face.ku * Cu, dot(flat.u, C * flat.v) - face.ku * Cv,
+                              dot(flat.v, C * flat.v) - face.kv * Cv);
+    }
+    const Vec3 off = p - flat.origin;
+    face.mass = queue.masses.add(shape, flat, dot(off, flat.u) - face.ku * gap, dot(off, flat.v) - face.kv * gap, face.W,
+                                 exponent);
+    if (face.mass < 0) return;
+    face.flat = which;
+    face.round = plane.round;
+    face.reached = reached;
+    c.weight = weight;
+    c.distance = gap;
+    c.per_sd = per_sd;
+    c.normal = n;
+    c.element = flat.face;
+    queue.faces.push_back(face);
+}
+
+// Appends the facet clusters and faces that begin() added.
+void SurfacePoint::take_faces(const Placement& at, const Extent& extent, Components& out) const {
+    const FaceQueue& queue = *out.queue;
+    const FaceQueue::Block& block = queue.blocks[out.queue->taken++];
+    const auto clusters = queue.clusters.begin() + static_cast<std::ptrdiff_t>(block.first_cluster);
+    out.all.insert(out.all.end(), clusters, clusters + static_cast<std::ptrdiff_t>(block.clusters));
     out.contacts.clear();
     out.near_faces.clear();
-    const double normal_variance = direction_sd * direction_sd + at.blur_turn * at.blur_turn;
-    const double reach = at.blur > 0 ? ROUGH_REACH : REACH;
-    const double least = kept_off || oriented ? 0 : isotropic ? widest : at.blur;
-    const auto done = [&](const Place& place) {
-        return place.size < LARGE * least && add_facet_cluster(at, d, reach, least, first, place, out);
-    };
-    shape.flats_near(p, reach * widest + radius, done, [&](int which) {
-        if (done(shape.places[which])) return;
-        const Flat& flat = shape.flats[which];
-        const TangentPlane plane = tangent_plane(shape, flat, p, oriented);
-        const Vec3& n = plane.normal;
-        Vec3 Cn = C(0, 0) * n;
-        double variance = C(0, 0);
-        if (!isotropic) {
-            Cn = C * n;
-            variance = dot(n, Cn);
-        }
-        const double per_sd = 1 / std::sqrt(variance);
-        const double r = (plane.distance - radius) * per_sd;
-        const bool inside = kept_off && r < 0 && plane.distance > -radius;  // the ball overlaps the face, so that it cannot touch another
-        if (std::fabs(r) > reach && !inside) return;
-        double weight = incidence_density(n, d, per_area);
-        weight *= per_sd * fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - log_outlier);
-        Component c;
-        if (oriented) {
-            const Vec3 axes[2] = {flat.u, flat.v};
-            const double flat_bend[2] = {0, 0};
-            weight *= plane.round ? tilt_density(plane.at.e, plane.at.bend, n, C, at.m, normal_variance, c)
-                                  : tilt_density(axes, flat_bend, n, C, at.m, normal_variance, c);
-        }
-        if (!(weight >= at.negligible) && !inside) return;
-        double ku = 0, kv = 0;  // regression of the position in the plane on the distance
-        Whitening W{per_sd, 0, per_sd, widest, true};
-        if (!isotropic || plane.round) {
-            const double Cu = dot(flat.u, Cn), Cv = dot(flat.v, Cn);
-            ku = Cu / variance;
-            kv = Cv / variance;
-            W = whitening_of(dot(flat.u, C * flat.u) - ku * Cu, dot(flat.u, C * flat.v) - ku * Cv,
-                             dot(flat.v, C * flat.v) - kv * Cv);
-        }
-        const Vec3 off = p - flat.origin;
-        const double gap = plane.distance - radius;
-        TruncatedMass mass =
-            mass_inside(shape, flat, dot(off, flat.u) - ku * gap, dot(off, flat.v) - kv * gap, W, at.with_slope);
-        c.weight = weight * mass.value;
+    for (size_t k = block.first_face; k < block.first_face + block.faces; ++k) {
+        const PendingFace& face = queue.faces[k];
+        const Flat& flat = at.shape.flats[face.flat];
+        const Vec3& n = face.component.normal;
+        TruncatedMass mass = queue.masses.mass(face.mass);
+        const double weight = face.component.weight * queue.masses.exponential(face.mass) * mass.value;
         BallContact contact;
-        if (kept_off) {
+        if (extent.kept_off) {
             const double u = 0.5 * (flat.lo[0] + flat.hi[0]), v = 0.5 * (flat.lo[1] + flat.hi[1]);
             const Vec3 middle = flat.origin + u * flat.u + v * flat.v;
-            contact = {which, flat.face, plane.round, n, middle, gap, mass.value};
+            contact = {face.flat, flat.face, face.round, n, middle, face.component.distance, mass.value};
             if (mass.value > LEAST_MASS) out.near_faces.push_back(contact);
         }
-        if (!(c.weight >= at.negligible) || std::fabs(r) > reach) return;
-        c.distance = gap;
-        c.per_sd = per_sd;
-        c.normal = n;
-        c.element = flat.face;
-        if (at.with_slope) follow_mass(mass, W, flat.u - ku * n, flat.v - kv * n, c);
-        if (kept_off) out.contacts.push_back(contact);
-        out.all.push_back(c);
-    });
-    if (!ball) return;
-    const double per_sd = 1 / (isotropic ? widest : widest / std::sqrt(3.0));
-    evaluate_convex_edges({at, d, per_sd, normal_variance}, out);
-    if (kept_off) keep_outside(at, first, out);
+        if (!(weight >= at.negligible) || !face.reached) continue;
+        out.all.push_back(face.component);
+        Component& c = out.all.back();
+        c.weight = weight;
+        if (at.with_slope) follow_mass(mass, face.W, flat.u - face.ku * n, flat.v - face.kv * n, c);
+        if (extent.kept_off) out.contacts.push_back(contact);
+    }
 }
 
 // Adds flats that are small relative to the noise as one normal density. With the spread of the flats it has the same first
 // moments, so that its error is of fourth order in their size. Returns false if that or the spread of normals is too large.
-bool SurfacePoint::add_facet_cluster(const Placement& at, const Vec3& d, double reach, double sd, size_t first,
-                                     const Place& place, Components& out) const {
-    const double length = norm(place.normal), bent = 1 - length, size = place.size / sd;
+bool SurfacePoint::add_facet_cluster(const Placement& at, const Extent& extent, const Place& place,
+                                     FaceQueue& queue) const {
+    const Vec3& d = extent.along;
+    const double length = norm(place.normal), bent = 1 - length, size = place.size / extent.least;
     const bool turns = radius > 0 || sided;  // their normals matter
     if (place.face < 0 || (turns ? bent > BENT : !(length > 0))) return false;
     const Vec3 n = (1 / length) * place.normal;
@@ -198,16 +247,11 @@ bool SurfacePoint::add_facet_cluster(const Placement& at, const Vec3& d, double 
     double pull[3] = {off.x, off.y, off.z};
     solve_cholesky(L, 3, pull);
     const double q = dot(off, load(pull));
-    if (q > reach * reach) return true;
+    if (q > extent.reach * extent.reach) return true;
     Component c;
     c.weight = incidence_density(place.normal, d, 1 / at.shape.area) * place.area / (L[0] * L[4] * L[8]) *
                fast_exp(-0.5 * q - 3 * HALF_LOG_TWO_PI - log_outlier);
-    if (size > SMALL) {
-        double so_far = 0;
-        for (size_t k = first; k < out.size(); ++k) so_far += out.all[k].weight;
-        const double times = size * size / (SMALL * SMALL);
-        if (c.weight * times * times > so_far) return false;
-    }
+    if (size > SMALL && !is_minor(c.weight, size, queue)) return false;
     if (!(c.weight >= at.negligible)) return true;
     c.per_sd = 1 / std::sqrt(dot(n, Sn));
     c.distance = dot(n, off);
@@ -223,8 +267,22 @@ bool SurfacePoint::add_facet_cluster(const Placement& at, const Vec3& d, double 
         for (int i = 0; i < 3; ++i) c.stiff(i, k) = column[i];
     }
     add_outer(c.stiff, -c.per_sd * c.per_sd, n, n);
-    out.all.push_back(c);
+    queue.clusters.push_back(c);
     return true;
+}
+
+// Whether the density of a large facet cluster is so small that its error is negligible beside what the factor has so far.
+bool SurfacePoint::is_minor(double weight, double size, FaceQueue& queue) const {
+    const FaceQueue::Block& block = queue.blocks.back();
+    const double times = size * size / (SMALL * SMALL), least = weight * times * times;
+    double so_far = 0;
+    for (size_t k = block.first_cluster; k < queue.clusters.size(); ++k) so_far += queue.clusters[k].weight;
+    if (least <= so_far) return true;
+    if (block.first_face == queue.faces.size()) return false;
+    queue.masses.run();
+    for (size_t k = block.first_face; k < queue.faces.size() && least > so_far; ++k)
+        so_far += queue.weight_of(queue.faces[k]);
+    return least <= so_far;
 }
 
 // A ball that touches one element must not overlap another face in front of it: multiplies by the mass of the noise along

@@ -10,6 +10,7 @@ namespace tanteo {
 // cosine of incidence for a beam of known direction. docs/math.md, section 15.
 class SurfacePoint final : public OnSurface {
   public:
+    void begin(const Placement& placement, FaceQueue& queue) const override;
     void evaluate(const Placement& placement, Components& out) const override;
     int codimension() const override { return 1; }
     bool may_name(const Shape& shape, int element) const override {
@@ -20,10 +21,13 @@ class SurfacePoint final : public OnSurface {
   private:
     struct Ball;
     struct Tip;
+    struct Extent;
+    Extent extent_of(const Placement& at) const;
     double incidence_density(const Vec3& n, const Vec3& d, double per_area) const;
-    void evaluate_faces(const Placement& at, Components& out) const;
-    bool add_facet_cluster(const Placement& at, const Vec3& d, double reach, double sd, size_t first,
-                           const Place& place, Components& out) const;
+    void add_face(const Placement& at, const Extent& extent, int which, FaceQueue& queue) const;
+    bool add_facet_cluster(const Placement& at, const Extent& extent, const Place& place, FaceQueue& queue) const;
+    bool is_minor(double weight, double size, FaceQueue& queue) const;
+    void take_faces(const Placement& at, const Extent& extent, Components& out) const;
     void keep_outside(const Placement& at, size_t first, Components& out) const;
     void add_sharp(const Ball& ball, const BallContact& contact, const Vec3 across[2], const double bend[2],
                    const Vec3& slope, Components& out) const;

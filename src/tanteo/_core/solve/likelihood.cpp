@@ -8,15 +8,24 @@ namespace tanteo {
 
 constexpr double LEAST_CURVED = 0.25;  // least curvature by the noise scale that steps assume, over the expected one
 
-double Likelihood::at(const State& state, bool with_slope) {
-    const int n = static_cast<int>(problem.factors.size()), K = problem.size();
-    components.all.clear();
+void Likelihood::begin(const State& state, bool with_slope, FaceQueue& shared) {
+    const int n = static_cast<int>(problem.factors.size());
+    components.queue = &shared;
+    has_slope = with_slope;
     evaluated.resize(n);
+    placements.clear();
     for (int j = 0; j < n; ++j)
-        if (is_excluded(j))
-            evaluated[j] = {};
-        else
-            evaluate(state, j, with_slope);
+        if (is_excluded(j)) evaluated[j] = {};
+        else place(state, j, with_slope);
+}
+
+double Likelihood::finish(const State& state) {
+    const int n = static_cast<int>(problem.factors.size()), K = problem.size();
+    const bool with_slope = has_slope;
+    components.all.clear();
+    int placed = 0;
+    for (int j = 0; j < n; ++j)
+        if (!is_excluded(j)) evaluate(j, placements[placed++]);
     if (with_slope) {
         gradient.assign(K, 0.0);
         information.assign(static_cast<size_t>(K) * K, 0.0);
@@ -34,9 +43,9 @@ double Likelihood::at(const State& state, bool with_slope) {
     return log;
 }
 
-// The components of factor j at a state. Shared errors z move its position by G z; the noise scale s multiplies its
+// Places factor j at a state. Shared errors z move its position by G z; the noise scale s multiplies its
 // covariance: C = s^2 C_device + (tolerance^2 + blur^2) I.
-void Likelihood::evaluate(const State& state, int j, bool with_slope) {
+void Likelihood::place(const State& state, int j, bool with_slope) {
     const Factor& factor = *problem.factors[j];
     const Mat3& R = state.pose.R;
     Evaluated& own = evaluated[j];
@@ -59,8 +68,14 @@ void Likelihood::evaluate(const State& state, int j, bool with_slope) {
     for (double& c : C.m) c *= scale;
     for (int i = 0; i < 3; ++i) C(i, i) += factor.extra + blur * blur;
     if (!factor.isotropic) C = turned_into(R, C);
+    placements.push_back({shape, R, own.p, own.m, C, blur, blur_turn, NEGLIGIBLE * problem.mean_rate, with_slope});
+    factor.begin(placements.back(), *components.queue);
+}
+
+void Likelihood::evaluate(int j, const Placement& placement) {
+    Evaluated& own = evaluated[j];
     own.first = static_cast<int>(components.size());
-    factor.evaluate({shape, R, own.p, own.m, C, blur, blur_turn, NEGLIGIBLE * problem.mean_rate, with_slope}, components);
+    problem.factors[j]->evaluate(placement, components);
     own.count = static_cast<int>(components.size()) - own.first;
     own.density = 0;
     for (int k = own.first; k < own.first + own.count; ++k) own.density += components.all[k].weight;

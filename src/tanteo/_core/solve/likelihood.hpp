@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "factors/face_queue.hpp"
 #include "solve/problem.hpp"
 #include "shape/shape.hpp"
 
@@ -48,7 +49,16 @@ class Likelihood {
 
     // log density, prior included; with_slope: also gradient and Gauss-Newton information, of size() states,
     // about the centre of the shape
-    double at(const State& state, bool with_slope);
+    double at(const State& state, bool with_slope) {
+        queue.clear(with_slope);
+        begin(state, with_slope, queue);
+        queue.masses.run();
+        return finish(state);
+    }
+    // The same in two steps, so that the lanes have the work of several poses: finish() in the order of begin(), after the
+    // masses of the queue have run.
+    void begin(const State& state, bool with_slope, FaceQueue& queue);
+    double finish(const State& state);
 
     bool with_terms = true;          // whether further terms are added (PoseTerm)
     bool with_pose = true;           // whether factors add the slope by the pose, too; false: by the other states alone
@@ -73,9 +83,13 @@ class Likelihood {
     std::vector<double> node_log, of_model, responsibility;
     std::vector<int> touched;  // elements that measurements without a direction touch
     std::vector<int> order;  // components of a factor by element
+    std::vector<Placement> placements;
+    FaceQueue queue;
+    bool has_slope = false;  // whether begin() asked for it
 
     bool is_excluded(int j) const { return blur > 0 && !coarse.empty() && !coarse[j]; }
-    void evaluate(const State& state, int j, bool with_slope);
+    void place(const State& state, int j, bool with_slope);
+    void evaluate(int j, const Placement& placement);
     double combine();
     double combine(Design& design);
     void find_touched(Design& design);

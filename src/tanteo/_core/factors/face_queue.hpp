@@ -1,0 +1,41 @@
+// Faces near measurements whose densities wait for the arithmetic in lanes (truncated_normal.hpp). A factor adds its faces in
+// begin() and takes them in evaluate(), so that the lanes have the faces of all factors of one or more poses.
+#pragma once
+#include <vector>
+
+#include "factors/factor.hpp"
+#include "factors/truncated_normal.hpp"
+
+namespace tanteo {
+
+struct PendingFace {
+    Component component;  // without the mass; weight is the density over that of the mass's exponent
+    Whitening W;
+    double ku = 0, kv = 0;  // regression of the position in the plane on the distance
+    int flat = -1, mass = -1;
+    bool round = false, reached = false;  // reached: whether the density is not negligible by the distance alone
+};
+
+struct FaceQueue {
+    struct Block {  // of one factor
+        size_t first_face = 0, faces = 0, first_cluster = 0, clusters = 0;
+    };
+    MassQueue masses;
+    std::vector<PendingFace> faces;
+    std::vector<Component> clusters;  // facet clusters, which have no outline
+    std::vector<Block> blocks;
+    size_t taken = 0;  // number of blocks that evaluate() has taken
+
+    void clear(bool with_slope) {
+        masses.clear(with_slope);
+        faces.clear();
+        clusters.clear();
+        blocks.clear();
+        taken = 0;
+    }
+    double weight_of(const PendingFace& face) const {  // after masses.run()
+        return face.component.weight * masses.exponential(face.mass) * masses.mass(face.mass).value;
+    }
+};
+
+}  // namespace tanteo

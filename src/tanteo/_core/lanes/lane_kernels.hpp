@@ -1,0 +1,43 @@
+// The arithmetic that runs in lanes, compiled once for each width and chosen when the program starts.
+#pragma once
+#include <cstddef>
+#include <vector>
+
+namespace tanteo {
+
+constexpr size_t WIDEST_LANES = 8;  // arrays of the kernels have a multiple of this size
+
+// The pieces of an edge in the plane of a standard normal density, by what is to be integrated. An end of an edge further
+// than ENDLESS from the foot of the perpendicular is as good as none.
+enum class EdgeKind { TINY, SHORT, WHOLE, ONE_END, TWO_ENDS };
+constexpr int EDGE_KINDS = 5;
+constexpr double ENDLESS = 5;  // standard deviations; the error is below 4e-7
+
+// Edges of one kind: distances h >= 0 of their lines, and ends along these. An edge with one end goes to +infinity.
+struct EdgeArrays {
+    const double *h, *first, *last;
+    double *wedge;  // probability of the wedge between the edge and infinity, at the origin
+    double *along;  // integral of the density along the edge
+    double *ends;   // density at the last end less that at the first one
+};
+
+struct LaneKernels {
+    int width;
+    void (*exponentials)(double* x, size_t count);
+    void (*edges[EDGE_KINDS])(const EdgeArrays& edges, size_t count, bool with_slope);  // wedges alone without the slope
+};
+
+// The kernels in use: the widest that the processor has, unless another width was set. Results do not depend on it.
+const LaneKernels& lane_kernels();
+std::vector<int> lane_widths();
+bool set_lane_width(int width);  // false if there are no kernels of this width
+
+extern const LaneKernels KERNELS_1;
+#if defined(__GNUC__)
+extern const LaneKernels KERNELS_2;
+#endif
+#if defined(TANTEO_X86_64)
+extern const LaneKernels KERNELS_4, KERNELS_8;
+#endif
+
+}  // namespace tanteo
