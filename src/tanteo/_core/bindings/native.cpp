@@ -33,6 +33,7 @@ using namespace nb::literals;
 namespace tanteo {
 void offer_images(nb::module_& m);  // image_bindings.cpp
 void offer_python_terms(nb::module_& m);  // factors/python_term.cpp
+void offer_lanes(nb::module_& m);  // lanes_bindings.cpp
 void offer_pose_terms(nb::module_& m);  // pose_terms_bindings.cpp
 void offer_beams(nb::module_& m);   // beam_bindings.cpp
 void offer_coarse(nb::module_& m);  // coarse_bindings.cpp
@@ -579,6 +580,7 @@ NB_MODULE(native, m) {
     offer_images(m);
     offer_pose_terms(m);
     offer_python_terms(m);
+    offer_lanes(m);
     nb::class_<Problem>(m, "Problem")
         .def_prop_ro("size", &Problem::size)
         .def("add", [](Problem& problem, std::shared_ptr<const PoseTerm> term) { problem.terms.push_back(std::move(term)); },

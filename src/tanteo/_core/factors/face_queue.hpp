@@ -16,26 +16,42 @@ struct PendingFace {
     bool round = false, reached = false;  // reached: whether the density is not negligible by the distance alone
 };
 
-struct FaceQueue {
+class FaceQueue {
+  public:
     struct Block {  // of one factor
         size_t first_face = 0, faces = 0, first_cluster = 0, clusters = 0;
     };
     MassQueue masses;
-    std::vector<PendingFace> faces;
     std::vector<Component> clusters;  // facet clusters, which have no outline
     std::vector<Block> blocks;
     size_t taken = 0;  // number of blocks that evaluate() has taken
 
     void clear(bool with_slope) {
         masses.clear(with_slope);
-        faces.clear();
         clusters.clear();
         blocks.clear();
-        taken = 0;
+        filled = taken = 0;
     }
+    size_t count() const { return filled; }
+    const PendingFace& face(size_t k) const { return faces[k]; }
+    // The next face, which counts after keep(). Its memory is used again, since faces are large.
+    PendingFace& next() {
+        if (filled == faces.size()) faces.emplace_back();
+        Component& c = faces[filled].component;
+        c.slope = {};
+        c.stiff = {};
+        c.spread = 0;
+        c.tilted = false;
+        return faces[filled];
+    }
+    void keep() { ++filled; }
     double weight_of(const PendingFace& face) const {  // after masses.run()
         return face.component.weight * masses.exponential(face.mass) * masses.mass(face.mass).value;
     }
+
+  private:
+    std::vector<PendingFace> faces;
+    size_t filled = 0;
 };
 
 }  // namespace tanteo

@@ -72,7 +72,7 @@ struct Placement {
     bool with_slope;
 };
 
-struct FaceQueue;
+class FaceQueue;
 
 // The components of all measurements, one after another, and work space of one evaluation.
 struct Components {

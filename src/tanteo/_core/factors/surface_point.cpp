@@ -29,18 +29,31 @@ struct TangentPlane {  // that touches the surface near a point
     Profile::At at;
 };
 
+struct InPlane {  // a point in the coordinates of a flat, and how far it is beside the box of the flat
+    double x, y, distance, dx, dy;
+
+    double beyond(const Flat& flat) const {  // squared distance from the box of the flat and its exact surface
+        const double off = std::max(std::fabs(distance) - flat.sagitta, 0.0);
+        return dx * dx + dy * dy + off * off;
+    }
+};
+
+InPlane in_plane(const Flat& flat, const Vec3& p) {
+    const Vec3 off = p - flat.origin;
+    const double x = dot(off, flat.u), y = dot(off, flat.v);
+    return {x, y, dot(flat.normal, p) - flat.offset, std::clamp(x, flat.lo[0], flat.hi[0]) - x,
+            std::clamp(y, flat.lo[1], flat.hi[1]) - y};
+}
+
 // The plane of a flat, or the tangent plane of the exact round surface that it approximates, at its point nearest to p.
-TangentPlane tangent_plane(const Shape& shape, const Flat& flat, const Vec3& p, bool with_bends) {
+TangentPlane tangent_plane(const Shape& shape, const Flat& flat, const InPlane& place, const Vec3& p, bool with_bends) {
     TangentPlane plane;
     plane.normal = flat.normal;
-    plane.distance = dot(flat.normal, p) - flat.offset;
+    plane.distance = place.distance;
     plane.round = false;
     if (flat.profile < 0) return plane;
     const Profile& profile = shape.profiles[flat.profile];
-    const Vec3 off = p - flat.origin;
-    const double x = dot(off, flat.u), y = dot(off, flat.v);
-    const double dx = std::clamp(x, flat.lo[0], flat.hi[0]) - x, dy = std::clamp(y, flat.lo[1], flat.hi[1]) - y;
-    const Vec3 shift = dx * flat.u + dy * flat.v;
+    const Vec3 shift = place.dx * flat.u + place.dy * flat.v;
     const Profile::At at = profile.at(p + shift, with_bends);
     if (!(dot(at.normal, flat.normal) >= profile.min_cosine)) return plane;
     plane.normal = at.normal;
@@ -113,7 +126,7 @@ SurfacePoint::Extent SurfacePoint::extent_of(const Placement& at) const {
 
 void SurfacePoint::begin(const Placement& at, FaceQueue& queue) const {
     const Extent extent = extent_of(at);
-    queue.blocks.push_back({queue.faces.size(), 0, queue.clusters.size(), 0});
+    queue.blocks.push_back({queue.count(), 0, queue.clusters.size(), 0});
     const auto done = [&](const Place& place) {
         return place.size < LARGE * extent.least && add_facet_cluster(at, extent, place, queue);
     };
@@ -121,7 +134,7 @@ void SurfacePoint::begin(const Placement& at, FaceQueue& queue) const {
         if (!done(at.shape.places[which])) add_face(at, extent, which, queue);
     });
     FaceQueue::Block& block = queue.blocks.back();
-    block.faces = queue.faces.size() - block.first_face;
+    block.faces = queue.count() - block.first_face;
     block.clusters = queue.clusters.size() - block.first_cluster;
 }
 
@@ -144,7 +157,9 @@ void SurfacePoint::add_face(const Placement& at, const Extent& extent, int which
     const Vec3& p = at.p;
     const Mat3& C = at.C;
     const Flat& flat = shape.flats[which];
-    const TangentPlane plane = tangent_plane(shape, flat, p, oriented);
+    const InPlane place = in_plane(flat, p);
+    if (place.beyond(flat) > (extent.reach * extent.sd + radius) * (extent.reach * extent.sd + radius)) return;
+    const TangentPlane plane = tangent_plane(shape, flat, place, p, oriented);
     const Vec3& n = plane.normal;
     Vec3 Cn;
     double variance = C(0, 0), sd = extent.sd;
@@ -161,7 +176,7 @@ void SurfacePoint::add_face(const Placement& at, const Extent& extent, int which
     const double per_sd = 1 / sd, r = gap * per_sd;
     double weight = incidence_density(n, extent.along, 1 / shape.area) * per_sd;
     double exponent = -0.5 * r * r - HALF_LOG_TWO_PI - log_outlier;
-    PendingFace face;
+    PendingFace& face = queue.next();
     Component& c = face.component;
     if (oriented) {
         const double normal_variance = direction_sd * direction_sd + at.blur_turn * at.blur_turn;
@@ -174,6 +189,7 @@ void SurfacePoint::add_face(const Placement& at, const Extent& extent, int which
         if (!(weight >= at.negligible) && !inside) return;
     }
     face.W = {per_sd, 0, per_sd, extent.sd, true};
+    face.ku = face.kv = 0;
     if (!isotropic || plane.round) {
         if (isotropic) Cn = variance * n;
         const double Cu = dot(flat.u, Cn), Cv = dot(flat.v, Cn);
@@ -182,9 +198,7 @@ void SurfacePoint::add_face(const Placement& at, const Extent& extent, int which
         face.W = whitening_of(dot(flat.u, C * flat.u) - face.ku * Cu, dot(flat.u, C * flat.v) - face.ku * Cv,
                               dot(flat.v, C * flat.v) - face.kv * Cv);
     }
-    const Vec3 off = p - flat.origin;
-    face.mass = queue.masses.add(shape, flat, dot(off, flat.u) - face.ku * gap, dot(off, flat.v) - face.kv * gap, face.W,
-                                 exponent);
+    face.mass = queue.masses.add(shape, flat, place.x - face.ku * gap, place.y - face.kv * gap, face.W, exponent);
     if (face.mass < 0) return;
     face.flat = which;
     face.round = plane.round;
@@ -194,7 +208,7 @@ void SurfacePoint::add_face(const Placement& at, const Extent& extent, int which
     c.per_sd = per_sd;
     c.normal = n;
     c.element = flat.face;
-    queue.faces.push_back(face);
+    queue.keep();
 }
 
 // Appends the facet clusters and faces that begin() added.
@@ -206,7 +220,7 @@ void SurfacePoint::take_faces(const Placement& at, const Extent& extent, Compone
     out.contacts.clear();
     out.near_faces.clear();
     for (size_t k = block.first_face; k < block.first_face + block.faces; ++k) {
-        const PendingFace& face = queue.faces[k];
+        const PendingFace& face = queue.face(k);
         const Flat& flat = at.shape.flats[face.flat];
         const Vec3& n = face.component.normal;
         TruncatedMass mass = queue.masses.mass(face.mass);
@@ -278,10 +292,10 @@ bool SurfacePoint::is_minor(double weight, double size, FaceQueue& queue) const 
     double so_far = 0;
     for (size_t k = block.first_cluster; k < queue.clusters.size(); ++k) so_far += queue.clusters[k].weight;
     if (least <= so_far) return true;
-    if (block.first_face == queue.faces.size()) return false;
+    if (block.first_face == queue.count()) return false;
     queue.masses.run();
-    for (size_t k = block.first_face; k < queue.faces.size() && least > so_far; ++k)
-        so_far += queue.weight_of(queue.faces[k]);
+    for (size_t k = block.first_face; k < queue.count() && least > so_far; ++k)
+        so_far += queue.weight_of(queue.face(k));
     return least <= so_far;
 }
 

@@ -11,12 +11,12 @@ void MassQueue::clear(bool slope) {
     masses.clear();
     exponents.clear();
     exponents_done = 0;
-    for (Integrals& own : integrals) {
-        own.h.clear();
-        own.first.clear();
-        own.last.clear();
-        own.done = 0;
-    }
+    for (Integrals& own : integrals) own.count = own.done = 0;
+}
+
+void MassQueue::Integrals::grow() {
+    const size_t size = std::max<size_t>(2 * h.size(), 8 * WIDEST_LANES);
+    for (std::vector<double>* column : {&h, &first, &last, &wedge, &along, &ends}) column->resize(size);
 }
 
 int MassQueue::add(const Shape& shape, const Flat& flat, double x, double y, const Whitening& W, double exponent) {
@@ -40,8 +40,8 @@ int MassQueue::add(const Shape& shape, const Flat& flat, double x, double y, con
             const double left = rx * e.dy - ry * e.dx;  // signed distance of the edge, positive if the point is inside
             // a point exactly on an edge counts as slightly right of it and above: inside one of two adjacent flats
             const bool inside = left != 0 ? left > 0 : e.dy < 0 || (e.dy == 0 && e.dx > 0);
-            if ((ry <= 0) != (y1 <= 0))  // crosses the line through the point to the right of it
-                winding += y1 > 0 ? inside : -!inside;
+            const int crosses = (ry <= 0) != (y1 <= 0);  // the line through the point, to the right of it
+            winding += crosses * (inside - (y1 <= 0));
             const double ax = W.a * rx, ay = W.b * rx + W.c * ry;
             double dx = e.dx, dy = e.dy, stretch = W.a;
             if (!W.even) {
@@ -52,9 +52,8 @@ int MassQueue::add(const Shape& shape, const Flat& flat, double x, double y, con
                 dy /= stretch;
             }
             const double h = ax * dy - ay * dx;
-            if (std::fabs(h) > OUTLINE_REACH) continue;
             const double t1 = ax * dx + ay * dy, t2 = t1 + e.length * stretch;
-            if (t1 > OUTLINE_REACH || t2 < -OUTLINE_REACH) continue;
+            if ((std::fabs(h) > OUTLINE_REACH) | (t1 > OUTLINE_REACH) | (t2 < -OUTLINE_REACH)) continue;
             add_edge(dx, dy, h, t1, t2, inside);
         }
     if (edges.size() == first_edge && winding <= 0) return -1;
@@ -65,18 +64,16 @@ int MassQueue::add(const Shape& shape, const Flat& flat, double x, double y, con
 
 void MassQueue::add_edge(double dx, double dy, double h, double t1, double t2, bool inside) {
     const double ah = std::fabs(h), length = t2 - t1;
-    const bool endless = t1 < -ENDLESS, endless_after = t2 > ENDLESS;
-    EdgeKind kind = EdgeKind::TWO_ENDS;
-    if (length < 0.5 && length < 0.3 * ah) kind = EdgeKind::TINY;
-    else if (length < ah) kind = EdgeKind::SHORT;
-    else if (endless && endless_after) kind = EdgeKind::WHOLE;
-    else if (endless || endless_after) kind = EdgeKind::ONE_END;
-    const bool mirrored = kind == EdgeKind::ONE_END && endless;
-    Integrals& own = integrals[static_cast<int>(kind)];
-    edges.push_back({dx, dy, h, static_cast<int>(kind), static_cast<int>(own.h.size()), inside, mirrored});
-    own.h.push_back(ah);
-    own.first.push_back(mirrored ? -t2 : t1);
-    own.last.push_back(t2);
+    const int endless = t1 < -ENDLESS, endless_after = t2 > ENDLESS;
+    int kind = static_cast<int>(EdgeKind::TWO_ENDS) - endless - endless_after;
+    if (length < ah) kind = static_cast<int>((length < 0.5) & (length < 0.3 * ah) ? EdgeKind::TINY : EdgeKind::SHORT);
+    const bool mirrored = (kind == static_cast<int>(EdgeKind::ONE_END)) & endless;
+    Integrals& own = integrals[kind];
+    if (own.count == own.h.size()) own.grow();
+    own.h[own.count] = ah;
+    own.first[own.count] = mirrored ? -t2 : t1;
+    own.last[own.count] = t2;
+    edges.push_back({dx, dy, h, kind, static_cast<int>(own.count++), inside, mirrored});
 }
 
 void MassQueue::run() {
@@ -84,21 +81,17 @@ void MassQueue::run() {
     const auto whole = [](size_t count) { return (count + WIDEST_LANES - 1) / WIDEST_LANES * WIDEST_LANES; };
     for (int kind = 0; kind < EDGE_KINDS; ++kind) {
         Integrals& own = integrals[kind];
-        const size_t count = own.h.size(), size = own.done + whole(count - own.done);
-        if (count == own.done) continue;
-        // lanes without an edge repeat a harmless one
-        own.h.resize(size, 1.0);
-        own.first.resize(size, 0.0);
-        own.last.resize(size, 0.25);
-        for (std::vector<double>* out : {&own.wedge, &own.along, &own.ends})
-            if (out->size() < size) out->resize(size);
-        const size_t at = own.done;
+        const size_t at = own.done, size = at + whole(own.count - at);
+        if (own.count == at) continue;
+        while (own.h.size() < size) own.grow();
+        for (size_t k = own.count; k < size; ++k) {  // lanes without an edge have a harmless one
+            own.h[k] = 1;
+            own.first[k] = 0;
+            own.last[k] = 0.25;
+        }
         kernels.edges[kind]({&own.h[at], &own.first[at], &own.last[at], &own.wedge[at], &own.along[at], &own.ends[at]},
                             size - at, with_slope);
-        own.h.resize(count);
-        own.first.resize(count);
-        own.last.resize(count);
-        own.done = count;
+        own.done = own.count;
     }
     const size_t count = exponents.size();
     if (count == exponents_done) return;
@@ -114,10 +107,10 @@ TruncatedMass MassQueue::mass(int number) const {
     double beyond = 0;
     for (int k = own.first_edge; k < own.first_edge + own.edges; ++k) {
         const Edge& e = edges[k];
-        const Integrals& over = integrals[e.kind];
-        beyond += e.inside ? over.wedge[e.place] : -over.wedge[e.place];
+        const EdgeIntegrals over = of_edge(static_cast<size_t>(k));
+        beyond += e.inside ? over.wedge : -over.wedge;
         if (!with_slope) continue;
-        const double m = over.along[e.place], hm = e.h * m, ends = e.mirrored ? -over.ends[e.place] : over.ends[e.place];
+        const double m = over.along, hm = e.h * m, ends = over.ends;
         mass.gx -= e.dy * m;  // the inside is to the left: (-dy, dx)
         mass.gy += e.dx * m;
         const double cross = e.dx * e.dy * ends;

@@ -41,6 +41,17 @@ class MassQueue {
     TruncatedMass mass(int number) const;
     double exponential(int number) const { return exponents[number]; }
 
+    // Adds an edge in the whitened plane: its direction, the signed distance of its line, its ends along the line.
+    void add_edge(double dx, double dy, double h, double t1, double t2, bool inside);
+    struct EdgeIntegrals {  // as in EdgeArrays, for an edge from t1 to t2
+        double wedge, along, ends;
+    };
+    EdgeIntegrals of_edge(size_t k) const {
+        const Edge& e = edges[k];
+        const Integrals& over = integrals[e.kind];
+        return {over.wedge[e.place], over.along[e.place], e.mirrored ? -over.ends[e.place] : over.ends[e.place]};
+    }
+
   private:
     struct Edge {
         double dx, dy, h;  // direction in the whitened plane, and signed distance
@@ -51,8 +62,10 @@ class MassQueue {
         int first_edge, edges, winding;
     };
     struct Integrals {  // of the edges of one kind
-        std::vector<double> h, first, last, wedge, along, ends;
-        size_t done = 0;
+        std::vector<double> h, first, last, wedge, along, ends;  // longer than count
+        size_t count = 0, done = 0;
+
+        void grow();
     };
     bool with_slope = false;
     std::vector<Edge> edges;
@@ -60,8 +73,6 @@ class MassQueue {
     std::vector<double> exponents;
     size_t exponents_done = 0;
     Integrals integrals[EDGE_KINDS];
-
-    void add_edge(double dx, double dy, double h, double t1, double t2, bool inside);
 };
 
 // Replaces the derivatives of a mass by those of its log.

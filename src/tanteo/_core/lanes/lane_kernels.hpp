@@ -8,7 +8,7 @@ namespace tanteo {
 constexpr size_t WIDEST_LANES = 8;  // arrays of the kernels have a multiple of this size
 
 // The pieces of an edge in the plane of a standard normal density, by what is to be integrated. An end of an edge further
-// than ENDLESS from the foot of the perpendicular is as good as none.
+// than ENDLESS from the foot of the perpendicular is at infinity.
 enum class EdgeKind { TINY, SHORT, WHOLE, ONE_END, TWO_ENDS };
 constexpr int EDGE_KINDS = 5;
 constexpr double ENDLESS = 5;  // standard deviations; the error is below 4e-7

@@ -69,7 +69,7 @@ inline V normal_density(V x) {
 }
 
 // The normal distribution function: with z = |x| and t = (z - 5) / (z + 5), (1 + z) Phi(-z) exp(z^2 / 2) is a polynomial in t
-// (Shepherd and Laframboise 1981). The error is below 3e-16, and below 3e-15 of the result for x > -8.
+// (Shepherd and Laframboise 1981). The error is below 3e-16, and below 2e-14 of the result for x > -8.
 template <class V>
 inline V normal_below(V x) {
     constexpr double c[22] = {

@@ -90,10 +90,13 @@ void Likelihood::evaluate(int j, const Placement& placement) {
 // and with 1/4 over the touched faces. The centre of a region is even over the part, so that a density per area is 1 / a and
 // the region has the probability a / A: one factor 1 / A for all measurements instead of one for each (docs/math.md,
 // section 15).
-Likelihood::Likelihood(const Shape& shape, const Problem& problem) : shape(shape), problem(problem), designs(1) {
+Likelihood::Likelihood(const Shape& shape, const Problem& problem) : designs(1), shape(shape), problem(problem) {
     const Region& patch = problem.region;
     bool on_faces = false, on_edges = false;
     for (const auto& factor : problem.factors) {
+        spread.push_back(Design::spread_over(*factor));
+        log_outliers += factor->log_outlier;
+        if (factor->has_models()) models = 2;
         on_faces = on_faces || (factor->codimension() == 1 && !factor->aimed());
         on_edges = on_edges || (factor->codimension() == 2 && factor->on_surface() && !factor->aimed());
     }
@@ -119,9 +122,8 @@ void Likelihood::find_touched(Design& design) {
     for (const int across : {1, 2}) {
         touched.clear();
         for (size_t j = 0; j < evaluated.size(); ++j) {
-            const Factor& factor = *problem.factors[j];
             const Evaluated& own = evaluated[j];
-            if (factor.codimension() != across || factor.aimed() || !factor.on_surface() || !own.count || designs[0].inlier[j] < 0.5) continue;
+            if (spread[j] != across || !own.count || designs[0].inlier[j] < 0.5) continue;
             const Component* const first = &components.all[own.first];
             const int element = std::max_element(first, first + own.count, [](const Component& a, const Component& b) {
                                     return a.weight < b.weight;
@@ -176,16 +178,12 @@ double Likelihood::combine(Design& design) {
     const bool labelled = blur == 0;
     const size_t groups = labelled ? problem.groups.size() : 0;
     const int n = static_cast<int>(problem.factors.size()), nodes = static_cast<int>(problem.rates.size());
-    double base = 0;
-    for (const auto& factor : problem.factors) base += factor->log_outlier;
-    int models = 1;
-    for (const auto& factor : problem.factors)
-        if (factor->has_models()) models = 2;
+    double base = log_outliers;
     // density of each factor under each model of its device
     of_model.assign(static_cast<size_t>(models) * n, 0.0);
     for (int j = 0; j < n; ++j) {
         const Evaluated& own = evaluated[j];
-        const double scale = design.scale_of(*problem.factors[j]);
+        const double scale = scale_of(design, j);
         for (int h = 0; h < models; ++h) {
             double& density = of_model[static_cast<size_t>(models) * j + h];
             if (models == 1) density = scale * own.density;
@@ -216,7 +214,7 @@ double Likelihood::combine(Design& design) {
         Evaluated& own = evaluated[j];
         own.inlier = 0;
         if ((labelled && problem.group[j] >= 0) || !own.count) continue;
-        const double scale = design.scale_of(*problem.factors[j]);
+        const double scale = scale_of(design, j);
         for (int h = 0; h < models; ++h) {
             const double density = of_model[static_cast<size_t>(models) * j + h];
             if (!(density > 0)) continue;

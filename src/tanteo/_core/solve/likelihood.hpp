@@ -35,8 +35,13 @@ struct Design {
     std::vector<double> responsibility, inlier;  // of each component and of each factor
 
     double scale_of(const Factor& factor) const {
+        const int across = spread_over(factor);
+        return across == 1 ? on_face : across == 2 ? on_edge : 1;
+    }
+    // 1 if the density of a factor is per area of the part, 2 if per length of its edges, 0 if neither
+    static int spread_over(const Factor& factor) {
         const int across = factor.codimension();
-        return factor.aimed() || across == 3 || !factor.on_surface() ? 1 : across == 1 ? on_face : on_edge;
+        return factor.aimed() || across == 3 || !factor.on_surface() ? 0 : across;
     }
 };
 
@@ -81,12 +86,18 @@ class Likelihood {
     const Shape& shape;
     const Problem& problem;
     std::vector<double> node_log, of_model, responsibility;
+    std::vector<int> spread;   // Design::spread_over of each factor
+    double log_outliers = 0;   // log density of all factors as outliers
+    int models = 1;            // number of models of their devices
     std::vector<int> touched;  // elements that measurements without a direction touch
     std::vector<int> order;  // components of a factor by element
     std::vector<Placement> placements;
     FaceQueue queue;
-    bool has_slope = false;  // whether begin() asked for it
+    bool has_slope = false;  // whether finish() computes it
 
+    double scale_of(const Design& design, int j) const {
+        return spread[j] == 1 ? design.on_face : spread[j] == 2 ? design.on_edge : 1;
+    }
     bool is_excluded(int j) const { return blur > 0 && !coarse.empty() && !coarse[j]; }
     void place(const State& state, int j, bool with_slope);
     void evaluate(int j, const Placement& placement);
