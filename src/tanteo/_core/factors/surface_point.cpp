@@ -29,12 +29,11 @@ struct TangentPlane {  // that touches the surface near a point
     Profile::At at;
 };
 
-struct InPlane {  // a point in the coordinates of a flat, and how far it is beside the box of the flat
+struct InPlane {  // a point in the coordinates of a flat, and the way from it to the rectangle about the flat
     double x, y, distance, dx, dy;
 
-    double beyond(const Flat& flat) const {  // squared distance from the box of the flat and its exact surface
-        const double off = std::max(std::fabs(distance) - flat.sagitta, 0.0);
-        return dx * dx + dy * dy + off * off;
+    bool is_beyond(const Flat& flat, double reach) const {
+        return (std::fabs(distance) > reach + flat.sagitta) | (dx * dx + dy * dy > reach * reach);
     }
 };
 
@@ -158,7 +157,7 @@ void SurfacePoint::add_face(const Placement& at, const Extent& extent, int which
     const Mat3& C = at.C;
     const Flat& flat = shape.flats[which];
     const InPlane place = in_plane(flat, p);
-    if (place.beyond(flat) > (extent.reach * extent.sd + radius) * (extent.reach * extent.sd + radius)) return;
+    if (place.is_beyond(flat, extent.reach * extent.sd + radius)) return;
     const TangentPlane plane = tangent_plane(shape, flat, place, p, oriented);
     const Vec3& n = plane.normal;
     Vec3 Cn;
