@@ -4,8 +4,11 @@
 
 Subjects:
 
-- ``cast``: sessions with a stylus of 0.05 mm on parts each face of which is displaced by 0.2 mm, to 0.5 mm.
+- ``cast``: sessions with a stylus of 0.05 mm on parts each face of which is displaced by 0.2 mm and tilted by a third
+  of it, to 0.5 mm.
 - ``exact``: sessions with a touch of 0.15 mm on exact parts, to 0.3 mm.
+- ``drawn``: sessions with a stylus of 0.05 mm at 0.5 m from the origin, with the scale error, drift and warp that
+  sessions assume, drawn from their priors; nothing is stated; to 0.5 mm. ``plain``: the same without these errors.
 - ``next``: logs of the 3-2-1 rule at random places, with the seventh touch that ``next_reading`` names.
 - ``tip``: touches with poses of the hand whose tip is 0.4 mm off, without a stated error of the tip.
 - ``plans``: planned touches of the parts, made at placements from the prior and evaluated by ``locate``.
@@ -18,7 +21,7 @@ from __future__ import annotations
 
 import sys
 import time
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -31,16 +34,29 @@ from scipy.stats import chi2
 
 import tanteo
 from log_of_touches import with_the_seventh
-from sensing_scenes import carried_out, made_session, off, sense_made, touches_of_hand
+from sensing_scenes import (
+    assumed_of,
+    carried_out,
+    displaced_faces,
+    made_session,
+    off,
+    sense_made,
+    touches_of_hand,
+)
 from tanteo.geometry import SE3
 from tanteo.planning import Probe, plan
 from tanteo.planning.start import at_pose
 from tanteo.posterior import prepare
+from tanteo.sensors.error_states import WITHIN_FACE
 from tanteo.sensors.presets import NoiseLaw
 
 PARTS = "block", "bracket_left", "housing", "t_slot", "wedge"
 CAST = {"form_sd": 2e-4, "sd": 5e-5, "tolerance": 5e-4}
 EXACT = {"form_sd": 0.0, "sd": 1.5e-4, "tolerance": 3e-4}
+DRAWN = {"form_sd": 0.0, "sd": 5e-5, "tolerance": 5e-4, "errors": (), "at": (0.4, 0.3, 0.0)}
+SESSIONS = {"cast": CAST, "exact": EXACT, "drawn": DRAWN, "plain": DRAWN}
+DRIFTS = 15
+"""Number of readings over which the drawn drift is the assumed one."""
 PLANNED = 4e-4
 MOST = 40
 COLUMNS = "part", "reached", "median readings", "stated", "kept", "kept - stated [standard errors]", "seconds"
@@ -55,9 +71,13 @@ def target(name):
 def session(name, seed, scene, kind):
     """Run one session to its goal; return what it promised and whether it kept it."""
     part, rng, begun = target(name), np.random.default_rng((seed, scene)), time.process_time()
-    setup = {"cast": CAST, "exact": EXACT}[kind]
-    one, T, offsets = made_session(part, rng=rng, seed=scene, max_measurements=MOST, **setup)
-    end = sense_made(one, part, T, offsets, rng)
+    setup = SESSIONS[kind]
+    one, T = made_session(part, rng=rng, seed=scene, max_measurements=MOST, **setup)
+    form_sd, machine = setup["form_sd"], None
+    surface = displaced_faces(part, form_sd, rng, form_sd * WITHIN_FACE)
+    if kind == "drawn":
+        machine, surface = assumed_of(part, setup["sd"], rng, DRIFTS)
+    end = sense_made(one, part, T, surface, rng, machine)
     error = off(one, 0, T)
     return {
         "stated": one.steps[-1].within, "kept": error <= setup["tolerance"], "reached": end.reached,
@@ -70,7 +90,7 @@ def sessions(kind, scenes, seed, keep, processes):
     cases = [(PARTS[k % len(PARTS)], seed, k, kind) for k in range(scenes)]
     done = list(zip(cases, run_cases(session, cases, keep, processes), strict=True))
     rows = [_row(name, [row for case, row in done if case[0] == name]) for name in PARTS]
-    setup = {"cast": CAST, "exact": EXACT}[kind]
+    setup = SESSIONS[kind]
     text = (
         f"Touches of {1e3 * setup['sd']:g} mm, faces displaced by {1e3 * setup['form_sd']:g} mm (sd), goal "
         f"{1e3 * setup['tolerance']:g} mm at 95 %, pose known to 2 mm and 0.05 rad, at most {MOST} readings; "
@@ -197,7 +217,7 @@ def main():
     seed = int(arguments[2]) if len(arguments) > 2 else 1991
     many = scenes, seed, keep, processes
     subjects = {
-        "cast": lambda: sessions("cast", *many), "exact": lambda: sessions("exact", *many),
+        **{kind: partial(sessions, kind, *many) for kind in SESSIONS},
         "plans": lambda: plans("plans", *many), "assumed": lambda: plans("assumed", *many),
         "next": lambda: following(*many), "tip": lambda: tips(*many),
     }  # fmt: skip

@@ -21,6 +21,7 @@ from tanteo.posterior.details import details_at
 from tanteo.posterior.near_variants import log_density_of_near_variant
 from tanteo.posterior.part_search import start_search
 from tanteo.sensors import Column, Readings, measure
+from tanteo.sensors.error_states import BENDS, LARGEST_SCALE, SCALE_PER_NOISE, Drift, Form, Scale
 from tanteo.sensors.presets import NoiseLaw
 
 LASER = Probe("laser", NoiseLaw.of(3e-4), max_range=0.3, standoff=0.1)
@@ -29,6 +30,8 @@ STYLUS = Probe(
     "stylus", NoiseLaw.of(5e-5), contact=True, radius=1e-3, standoff=0.01, clearance=0.003, retreat=0.05,
     approach=np.array([0.0, 0.0, -1.0]), cone=np.pi / 2, stylus=np.array([0.0, 0.0, 1.0]),
 )  # fmt: skip
+EXACT_MACHINE = Scale(1e-6), Drift(1e-6), Form(1e-6)
+"""Errors of a machine and a part that are stated to have none."""
 PLACE_SD = 0.015, 0.15
 """How roughly the place of a part is known: each axis [m], about each axis [rad]."""
 
@@ -139,19 +142,53 @@ def sense(session, target, T, rng, sd=None, each=None):
     return action
 
 
-def sense_made(session, target, T, offsets, rng):
-    """Touch a made part, each face of which is displaced along its normal ``(F,)`` [m], until the session ends."""
+def sense_made(session, target, T, outward, rng, machine=None):
+    """Touch a made part until the session ends.
+
+    ``outward(face, point, normal)`` is the displacement of its surface along the normal [m], and ``machine(point,
+    count)`` that of the machine's positions from those that it reports ``(3,)`` [m].
+    """
     sd, radius, to_part = float(session.probe.law.const), session.probe.radius, SE3.inverse(T)
     while isinstance(action := session.ask(), Action):
-        distance = where_a_ball_stops(target, T, action, radius)
+        moved = action
+        if machine is not None:
+            moved = replace(action, origin=action.origin + machine(action.origin, session.count))
+        distance = where_a_ball_stops(target, T, moved, radius)
         if np.isfinite(distance):
-            centre = SE3.apply(to_part, action.origin + distance * action.direction)
-            triangle = target.surface.closest(centre[None]).triangles[0]
-            cosine = abs(target.surface.normals[triangle] @ (to_part[:3, :3] @ action.direction))
-            outward = offsets[target.part.triangle_face[triangle]]
-            distance = max(distance - outward / max(cosine, 0.2) + sd * rng.normal(), 1e-6)
+            centre = SE3.apply(to_part, moved.origin + distance * moved.direction)
+            closest = target.surface.closest(centre[None])
+            normal = target.surface.normals[closest.triangles[0]]
+            cosine = abs(normal @ (to_part[:3, :3] @ action.direction))
+            off = outward(target.part.triangle_face[closest.triangles[0]], centre, normal)
+            distance = max(distance - off / max(cosine, 0.2) + sd * rng.normal(), 1e-6)
         session.tell(action.read(distance))
     return action
+
+
+def displaced_faces(target, form_sd, rng, tilt_sd=0.0):
+    """Return the surface of a part each face of which is displaced, and tilted by ``tilt_sd`` at its ends [m]."""
+    faces = range(len(target.part.faces))
+    corners = [
+        target.part.vertices[target.part.triangles[target.part.triangle_face == f]].reshape(-1, 3) for f in faces
+    ]
+    middles = [(c.min(axis=0) + c.max(axis=0)) / 2 for c in corners]
+    extents = [max(np.linalg.norm(np.ptp(c, axis=0)) / 2, 1e-6) for c in corners]
+    offsets, tilts = form_sd * rng.normal(size=len(faces)), tilt_sd * rng.normal(size=(len(faces), 3))
+    return lambda face, point, normal: offsets[face] + tilts[face] @ (point - middles[face]) / extents[face]
+
+
+def assumed_of(target, noise, rng, readings):
+    """Return a machine and a surface with the scale error, drift and warp that are assumed, drawn from their priors."""
+    drift, warp = (noise * rng.choice(list(BENDS[e]), p=list(BENDS[e].values())) for e in (Drift, Form))
+    scale = min(SCALE_PER_NOISE * noise, LARGEST_SCALE) * rng.normal()
+    way, length, count = drift * rng.normal(size=3), 0.5 * target.part.diagonal, 200
+    waves, phases = rng.normal(size=(count, 3)) / length, rng.uniform(0, 2 * np.pi, count)
+    field = warp * np.sqrt(2 / count) * rng.normal(size=(count, 3))
+
+    def surface(face, point, normal):
+        return normal @ (np.cos(waves @ point + phases) @ field)
+
+    return (lambda point, made: scale * point + way * made / (readings - 1)), surface
 
 
 def touches_of_hand(target, rng, count, tip_off, sd=5e-5):
@@ -168,13 +205,12 @@ def touches_of_hand(target, rng, count, tip_off, sd=5e-5):
     return T, Readings.from_columns(points, directions=-outward, sds=np.full(count, sd), Ts_world_hand=hands)
 
 
-def made_session(target, form_sd, rng, seed=0, sd=5e-5, **stop):
-    """Return a session with a stylus on a made part, its pose and the offsets of its faces."""
-    start = at_place([target], np.eye(4), np.diag(np.repeat([2e-3, 0.05], 3)) ** 2)
+def made_session(target, form_sd, rng, seed=0, sd=5e-5, errors=EXACT_MACHINE, at=(0.0, 0.0, 0.0), **stop):
+    """Return a session with a stylus on a made part, and its pose; by default its machine has no other errors."""
+    start = at_place([target], SE3.from_parts(np.eye(3), np.array(at)), np.diag(np.repeat([2e-3, 0.05], 3)) ** 2)
     T, probe = drawn_truth(start, rng)[1], replace(STYLUS, law=NoiseLaw.of(sd), max_range=0.06, form_sd=form_sd)
-    sensing = Sensing(sd=float(probe.law.const), tolerance=form_sd)
-    session = Session(start, probe, sensing, stop=Stop(probability=None, **stop), seed=seed)
-    return session, T, form_sd * rng.normal(size=len(target.part.faces))
+    sensing = Sensing(sd=float(probe.law.const), tolerance=form_sd, shared_errors=errors)
+    return Session(start, probe, sensing, stop=Stop(probability=None, **stop), seed=seed), T
 
 
 def carried_out(found, target, start, sd, rng, *, assumed=False):

@@ -11,7 +11,7 @@ from scipy.special import entr
 from scipy.stats import binom
 
 from bare_scenes import SENSORS, no_paths, scene
-from sensing_scenes import log_densities, made_session, off, rough, sense_made
+from sensing_scenes import displaced_faces, log_densities, made_session, off, rough, sense_made
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
 from tanteo.planning import Stop, at_place, begin, update
@@ -139,8 +139,8 @@ def test_sessions_keep_what_they_promise(form_sd, sd, goal):
     target, stated, within = prepare(read_part(PARTS / "housing.step")), [], 0
     for seed in range(30):
         rng = np.random.default_rng((53, seed))
-        session, T, offsets = made_session(target, form_sd, rng, seed, sd, tolerance=goal, max_measurements=40)
-        if sense_made(session, target, T, offsets, rng).reached:
+        session, T = made_session(target, form_sd, rng, seed, sd, tolerance=goal, max_measurements=40)
+        if sense_made(session, target, T, displaced_faces(target, form_sd, rng, form_sd / 3), rng).reached:
             stated.append(session.steps[-1].within)
             within += off(session, 0, T) <= goal
     assert len(stated) > 25
@@ -151,8 +151,8 @@ def test_a_session_ends_by_many_samples_of_its_posterior():
     """The probability at the end is that of the confirmed posterior, which is also the one of the answer."""
     target, goal = prepare(read_part(PARTS / "wedge.step")), 3e-4
     rng = np.random.default_rng(53)
-    session, T, offsets = made_session(target, 0.0, rng, sd=1.5e-4, tolerance=goal, max_measurements=40)
-    assert sense_made(session, target, T, offsets, rng).reached
-    usual = update(session.state, session.state.touches, session.state.free)
+    session, T = made_session(target, 0.0, rng, sd=1.5e-4, tolerance=goal, max_measurements=40)
+    assert sense_made(session, target, T, displaced_faces(target, 0.0, rng), rng).reached
+    usual = update(session.state, session.state.touches, session.state.free, session.state.unstated)
     assert session.steps[-1].within == chance_within(session.state, goal) >= 0.95
     assert len(session.state.draws.Ts) > 8 * len(usual.draws.Ts)

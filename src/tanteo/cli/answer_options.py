@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tanteo import io, posterior
 from tanteo.cli import arguments as args
 from tanteo.cli import controller
+from tanteo.cli.assumed_errors import AssumedErrors
 from tanteo.cli.image import Cameras
 from tanteo.cli.misuse import MisuseError
 from tanteo.defaults import SIGNIFICANCE, TOP
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Evidence:
+class Evidence(AssumedErrors):
     """Options for what is known beside the readings: errors, priors, and further measurements."""
 
     units: args.Units = None
@@ -29,9 +30,6 @@ class Evidence:
     robot: args.Robot = None
     tip_sd: args.TipSd = None
     bias_sd: args.BiasSd = None
-    scale_sd: args.ScaleSd = None
-    drift_sd: args.DriftSd = None
-    warp_sd: args.WarpSd = None
     fan_sd: args.FanSd = None
     stock: args.Stock = None
     noise_factor: args.NoiseFactor = None
@@ -64,8 +62,7 @@ class Evidence:
     @property
     def shared_errors(self) -> Errors:
         """Return the errors that all readings share, of all options."""
-        stated = (self.bias_sd, self.scale_sd, self.drift_sd, self.warp_sd, self.fan_sd, self.stock)
-        return tuple(error for errors in stated for error in errors or ())
+        return *(self.bias_sd or ()), *self.stated_errors, *(self.fan_sd or ()), *(self.stock or ())
 
     @property
     def cameras(self) -> Cameras:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files, typed
+from tanteo.cli.assumed_errors import AssumedErrors
 from tanteo.cli.misuse import misuse, require_errors
 from tanteo.cli.printing import emit, layout, leave, put
 from tanteo.cli.probing import ProgramOptions
@@ -36,7 +37,7 @@ def _feature(name: str) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Options:
+class Options(AssumedErrors):
     """Options of ``plan``."""
 
     part: Annotated[str | None, args.option("--part", "FILE", "CAD file of the part to place (STEP, STL, ...).")] = None
@@ -167,7 +168,7 @@ def _plan(part: Part, probe: Probe, options: Options, program: ProgramOptions) -
     tolerance, confidence = options.goal or 0.0, options.confidence or _CONFIDENCE
     with misuse(always=False):
         most = options.max_measurements or _MOST
-        found = plan(start, probe, tolerance, confidence, most, options.seed, options.feature)
+        found = plan(start, probe, tolerance, confidence, most, options.seed, options.feature, options.stated_errors)
     if options.csv is not None:
         with files.writing("--csv", options.csv), replaced(options.csv) as file:
             file.write_text(io.documents.plan_csv(found), encoding="utf-8", newline="")

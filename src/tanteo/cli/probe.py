@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import controller, files, typed
+from tanteo.cli.assumed_errors import AssumedErrors
 from tanteo.cli.looking import page_of, stay
 from tanteo.cli.machine import MachineOptions, check_record, confirmed
 from tanteo.cli.misuse import MisuseError, misuse
@@ -30,7 +31,7 @@ _ABOVE = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Options:
+class Options(AssumedErrors):
     """Options of ``probe``."""
 
     part: args.PartPath
@@ -156,7 +157,8 @@ def _session(start: Start, options: Options, machine: MachineOptions) -> Session
     return Session(
         start, machine.probe(spread, options.robot, options.form_sd, turns=turns_of(machine.machine)),
         Sensing(
-            **how, robot=options.robot, shared_errors=options.bias_sd or (), tip_sd=options.tip_sd,
+            **how, robot=options.robot, shared_errors=(*(options.bias_sd or ()), *options.stated_errors),
+            tip_sd=options.tip_sd,
             tolerance=options.form_sd,
         ),
         stop=stop, seed=options.seed,

@@ -136,7 +136,9 @@ def _sense(
     place = place if cell is None else io.scenes.sessions.on_arm(place, cell)
     start = start_of(place, parts, options, as_json=as_json)
     with misuse(always=False):
-        session, robot, rules = io.scenes.session_of(place, start, options.stop(), options.policy, options.form_sd)
+        session, robot, rules = io.scenes.session_of(
+            place, start, options.stop(), options.policy, options.form_sd, options.stated_errors
+        )
     with kept(session, record) as keep, _shown(verbose=verbose) as show:
 
         def watch(visit: Visit) -> None:

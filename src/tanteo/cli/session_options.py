@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tanteo.cli import arguments as args
 from tanteo.cli import typed
+from tanteo.cli.assumed_errors import AssumedErrors
 from tanteo.cli.misuse import MisuseError, require_image
 from tanteo.cli.typed import Words
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SessionOptions:
+class SessionOptions(AssumedErrors):
     """Options of a session in a scene: policy, stopping criterion, prior knowledge, and an image to start from."""
 
     policy: Annotated[

@@ -131,7 +131,15 @@ def _play(path: str | Path, folders: Sequence[str], options: Options, port: int,
 
     def make(seed: int, policy: str) -> Show:
         with misuse(always=False):
-            return scene_show(replace(scene, seed=seed), start, options.stop(), policy, options.form_sd, bare=bare)
+            return scene_show(
+                replace(scene, seed=seed),
+                start,
+                options.stop(),
+                policy,
+                options.form_sd,
+                options.stated_errors,
+                bare=bare,
+            )
 
     seed = scene.seed if options.seed is None else options.seed
     with suppress(KeyboardInterrupt):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tanteo.geometry import SE3
-from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Rotations, Vectors
-from tanteo.planning.assumed import assumed_errors, drawn_ranges
+from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Rotations, Transforms, Vectors
+from tanteo.planning.assumed import assumed_errors, drawn_ranges, stated_columns
 from tanteo.planning.candidates import Candidates, propose
 from tanteo.planning.placements import Placements, Promise, placements
 from tanteo.planning.places import Places, places_of
@@ -19,6 +20,7 @@ from tanteo.planning.start import Start
 from tanteo.planning.state import begin
 from tanteo.posterior import PreparedPart
 from tanteo.posterior.answers import observed_covariance
+from tanteo.sensors.error_states import ErrorState, UnstatedError
 
 _CANDIDATES = 800
 """Number of candidates of a plan."""
@@ -61,6 +63,7 @@ class Design:
         rotation: expected rotation of the part ``(3, 3)``.
         chosen_by: sampled placements by which readings are chosen.
         judged_by: independent placements by which the choice is evaluated.
+        stated: further stated errors that the readings share.
     """
 
     target: PreparedPart
@@ -77,6 +80,7 @@ class Design:
     rotation: Rotations
     chosen_by: Placements
     judged_by: Placements
+    stated: tuple[ErrorState, ...] = ()
 
     def after(self, chosen: IntArray) -> Covariances:
         """Return the covariance of the states after the readings of some candidates ``(D, D)``.
@@ -163,11 +167,15 @@ class Design:
 
     def _moved_by_assumed(self, C: Covariances, rows: IntArray, placements: IntArray, draws: int) -> FloatArray:
         """Return errors of the pose by assumed errors, which its estimate ignores ``(k, draws, 6)`` [m, rad]."""
-        c = self.candidates
-        errors = assumed_errors(self.points[rows], c.directions[rows], c.ranges[rows], self.probe)
+        errors = self._assumed(rows)
         normals = self.rows[rows, :3] @ self.rotation.T
         gain = C[:6] @ (self.rows[rows].T / self.variances[rows])
         return np.asarray(drawn_ranges(errors, normals, placements, draws) @ gain.T)
+
+    def _assumed(self, rows: IntArray) -> tuple[UnstatedError, ...]:
+        """Return the errors that are assumed for some candidates because they are not stated."""
+        c = self.candidates
+        return assumed_errors(self.points[rows], c.directions[rows], c.ranges[rows], self.probe, self.stated)
 
     def _off(self, xi: FloatArray) -> FloatArray:
         """Return the largest displacement of a point at perturbations of the pose ``(*batch, 6)`` [m]."""
@@ -203,8 +211,8 @@ class Design:
         """
         if_all_hit = self.chance(self.after(chosen), tolerance)
         fractions = (of[:, chosen].all(axis=1).mean() for of in (self.judged_by.meets, self.judged_by.clear))
-        within = self.kept(chosen, tolerance), self.kept(chosen, tolerance, assumed=True)
-        return Promise(*within, if_all_hit, *map(float, fractions))
+        assumed = self.kept(chosen, tolerance, assumed=True) if self._assumed(chosen) else math.nan
+        return Promise(self.kept(chosen, tolerance), assumed, if_all_hit, *map(float, fractions))
 
     def best(self, tolerance: float) -> float:
         """Return the probability of the tolerance with all candidates together.
@@ -221,7 +229,14 @@ class Design:
 
 
 def design_of(
-    start: Start, probe: Probe, seed: int, feature: str | None = None, steady: float = 0.9, clear: float = 0.98
+    start: Start,
+    probe: Probe,
+    seed: int,
+    feature: str | None = None,
+    stated: tuple[ErrorState, ...] = (),
+    *,
+    steady: float = 0.9,
+    clear: float = 0.98,
 ) -> Design | None:
     """Return the linear model of a plan for one part at one prior pose, or None if no candidate is reachable.
 
@@ -230,6 +245,7 @@ def design_of(
         probe: sensor model.
         seed: seed of the random surface points.
         feature: feature to which the tolerance applies; None for the corners of the part's box.
+        stated: further stated errors that the readings share.
         steady: fraction of the placements at which a candidate must hit its face; less if few candidates satisfy this.
         clear: fraction of the placements at which its approach must be clear; less if few candidates satisfy this.
     """
@@ -238,10 +254,12 @@ def design_of(
     if not len(candidates):
         return None
     aimed = np.unique(candidates.face) if probe.face_variance > 0 else np.zeros(0, dtype=np.int64)
-    prior = _prior(start, probe, len(aimed))
+    points, normals = candidates.aims, _normals(target, T, candidates)
+    effects, rest = stated_columns(points, candidates.directions, normals, stated)
+    prior = _prior(start, probe, len(aimed), effects.shape[1])
     chosen_by, judged_by = placements(target, T, prior, candidates, probe)
     kept = _steadiest(chosen_by, steady, clear)
-    candidates = candidates.take(kept)
+    candidates, effects, rest = candidates.take(kept), effects[kept], rest[kept]
     ranges, cosines, faces, g = beams(target, T[None], candidates.origins, candidates.directions)
     ranges, cosines, faces, g = ranges[:, 0], cosines[:, 0], faces[:, 0], g[:, 0]
     rows = [g]
@@ -251,12 +269,13 @@ def design_of(
         rows.append(-g)
     if len(aimed):
         rows.append(np.where(faces[:, None] == aimed, -1 / cosines[:, None], 0.0))
+    rows.append(effects)
     points = candidates.origins + ranges[:, None] * candidates.directions
-    own, places = probe.own_variance(ranges, cosines), places_of(target.part, feature)
+    own, places = probe.own_variance(ranges, cosines) + rest, places_of(target.part, feature)
     of_states = np.concatenate(rows, axis=1)
     return Design(
         target, probe, candidates, faces, points, of_states, own, prior, _limit(of_states, own, prior), places,
-        places.moves, T[:3, :3], chosen_by.take(kept), judged_by.take(kept),
+        places.moves, T[:3, :3], chosen_by.take(kept), judged_by.take(kept), stated,
     )  # fmt: skip
 
 
@@ -266,8 +285,14 @@ def _steadiest(among: Placements, steady: float, clear: float) -> IntArray:
     return np.flatnonzero(margin >= min(0.0, np.sort(margin)[::-1][min(_LEAST, len(margin)) - 1]))
 
 
-def _prior(start: Start, probe: Probe, faces: int) -> Covariances:
-    """Return the prior covariance of the states for a number of aimed faces."""
+def _normals(target: PreparedPart, T: Transforms, candidates: Candidates) -> Vectors:
+    """Return the normals at the candidates over the cosine of the incidence, world frame ``(N, 3)``."""
+    g = beams(target, T[None], candidates.origins, candidates.directions)[3][:, 0]
+    return np.asarray(g[:, :3] @ T[:3, :3].T)
+
+
+def _prior(start: Start, probe: Probe, faces: int, others: int) -> Covariances:
+    """Return the prior covariance of the states for numbers of aimed faces and of states of other stated errors."""
     from scipy.linalg import block_diag  # slow to import
 
     pose = observed_covariance(start.targets[0].part, start.covariances[0])
@@ -277,7 +302,7 @@ def _prior(start: Start, probe: Probe, faces: int) -> Covariances:
     if max(probe.base_sds) > 0:
         A = SE3.adjoint_inverse(start.Ts[0])
         blocks.append((A * np.repeat(np.square(np.maximum(probe.base_sds, _EXACT)), 3)) @ A.T)
-    blocks.append(probe.face_variance * np.eye(faces))
+    blocks += [probe.face_variance * np.eye(faces), np.eye(others)]
     return np.asarray(block_diag(*blocks))
 
 

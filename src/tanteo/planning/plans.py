@@ -12,6 +12,7 @@ Readings are exchanged and added until the tolerance holds over all placements.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +26,7 @@ from tanteo.planning.places import check_feature, places_of
 from tanteo.planning.probe import Probe
 from tanteo.planning.start import Start
 from tanteo.posterior.answers import corner_sd, observed_covariance
+from tanteo.sensors.error_states import ErrorState
 from tanteo.values import Value
 from tanteo.words import Finding, message_of
 from tanteo.words.findings import (
@@ -136,6 +138,7 @@ def plan(
     max_measurements: int = 30,
     seed: int = 0,
     feature: str | None = None,
+    shared_errors: Sequence[ErrorState] = (),
 ) -> Plan:
     """Plan the smallest set of readings that locates all corners of a part, or one feature, within a tolerance.
 
@@ -148,6 +151,8 @@ def plan(
         seed: seed of the random surface points.
         feature: ``face 3``, ``edge 4`` or ``vertex 2`` to which the tolerance applies instead of the corners: for a
             face along its normal, for an edge across its direction.
+        shared_errors: further errors that the readings share, such as ``Scale(1e-4)``; see
+            :mod:`tanteo.sensors.error_states`. They replace those that :func:`tanteo.locate` assumes.
 
     Raises:
         InputError: there is more than one part or pose, a number is invalid, or the part lacks the feature.
@@ -167,7 +172,8 @@ def plan(
     part = start.targets[0].part
     if feature is not None:
         check_feature(feature, [part])
-    design = design_of(start, probe, seed, feature)
+    stated = tuple(shared_errors)
+    design = design_of(start, probe, seed, feature, stated)
     if design is None:
         before = places_of(part, feature).sd(observed_covariance(part, start.covariances[0]))
         return Plan(part.name, start.Ts[0], (), before, False, (_no_place(start, probe, seed),), feature)
@@ -194,7 +200,7 @@ def _steadiest(
     for steady, clear in _LESS_STEADY:
         if (kept := design.kept(chosen, tolerance)) >= confidence:
             break
-        other = design_of(start, probe, seed, design.places.feature, steady, clear)
+        other = design_of(start, probe, seed, design.places.feature, design.stated, steady=steady, clear=clear)
         if other is None or (best := other.best(tolerance)) < max(can, kept) + _WORTH * (best < confidence):
             continue
         now = choose(other, tolerance, confidence, max_measurements, can=best >= confidence)
@@ -263,7 +269,7 @@ def _too_wide_a_prior(
     if design.chance(design.limit, tolerance) < confidence:
         return None
     finer = replace(start, covariances=start.covariances / _BETTER**2)
-    better = design_of(finer, probe, seed, design.places.feature)
+    better = design_of(finer, probe, seed, design.places.feature, design.stated)
     if better is None or better.best(tolerance) < confidence:
         return None
     sd = design.places.sd(design.pose(design.prior))

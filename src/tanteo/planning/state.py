@@ -14,8 +14,11 @@ from tanteo.factors import ContactPoints, FreeRays
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 from tanteo.planning.start import Start
 from tanteo.posterior import DEFAULTS, Mode, Posterior, PreparedPart, Problem, posterior_of_factors, update_posterior
+from tanteo.posterior.fit_at_mode import goodness_of_fit
+from tanteo.posterior.sampling.covariances import PoseMoves, common_tolerance, unstated_moves
 from tanteo.posterior.settings import Settings
 from tanteo.posterior.update import on_part
+from tanteo.sensors.error_states import UnstatedError
 from tanteo.values import Value, lock
 
 _CONFIRMING = 16
@@ -50,6 +53,8 @@ class SensingState(Value):
         posterior: posterior of all readings and factors; None before the first reading without factors.
         unknown: posterior probability of the unknown object.
         draws: samples of the posterior; None before the first reading.
+        unstated: errors that the readings are assumed to share because none are stated; :attr:`posterior` and
+            :attr:`covariances` are without them.
         poses: poses of the modes, best first ``(M, 4, 4)``; before the first reading, the prior poses.
         covariances: covariances of the modes, part frame, right perturbation ``(M, 6, 6)`` [m, rad].
         part: index of the part of each mode ``(M,)``.
@@ -62,12 +67,14 @@ class SensingState(Value):
     posterior: Posterior | None
     unknown: float
     draws: WeightedPoses | None = None
+    unstated: tuple[UnstatedError, ...] = ()
     poses: Transforms = field(init=False)
     covariances: Covariances = field(init=False)
     part: IntArray = field(init=False)
     weights: FloatArray = field(init=False)
     rows: IntArray = field(init=False)
     chances: dict[tuple[float, str | None], float] = field(init=False, repr=False, default_factory=dict)
+    _moves: dict[int, PoseMoves] = field(init=False, repr=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         start, modes = self.start, self.modes
@@ -115,6 +122,31 @@ class SensingState(Value):
         """
         return self.start.targets[self.part[k]]
 
+    def moves(self, k: int) -> PoseMoves:
+        """Return the errors of a mode's pose that its covariance does not contain.
+
+        They are the same as in an answer: those by errors that are assumed if none are stated, and by the deviations
+        within the faces of a made part.
+
+        Args:
+            k: index of the mode.
+        """
+        if k not in self._moves:
+            found = PoseMoves.none()
+            if self.touches is not None and len(self.touches) and (self.unstated or self.touches.tolerance):
+                one = goodness_of_fit(self.modes[k])
+                found = unstated_moves(self.touches, one, self.unstated).plus(common_tolerance(self.touches, one)[0])
+            self._moves[k] = found
+        return self._moves[k]
+
+    def whole_covariance(self, k: int) -> Covariances:
+        """Return the covariance of a mode's pose with the errors of :meth:`moves` ``(6, 6)`` [m, rad].
+
+        Args:
+            k: index of the mode.
+        """
+        return self.moves(k).widen(self.covariances[k])
+
     def on_part(self) -> BoolArray:
         """Return flags of the contact points that are inliers of the most probable mode ``(n,)``.
 
@@ -151,15 +183,18 @@ def _log_priors(start: Start) -> FloatArray:
         return np.asarray(np.log(start.shares()) + np.log1p(-start.priors.unknown))
 
 
-def update(before: SensingState, touches: ContactPoints, free: FreeRays) -> SensingState:
+def update(
+    before: SensingState, touches: ContactPoints, free: FreeRays, unstated: tuple[UnstatedError, ...] = ()
+) -> SensingState:
     """Return the state of a session after further readings.
 
     Args:
         before: state before these readings.
         touches: all contact points so far, earlier ones included.
         free: all free-space rays so far, earlier ones included.
+        unstated: errors that the touches are assumed to share because none are stated.
     """
-    return _updated(before, touches, free, DEFAULTS, 0)
+    return _updated(before, touches, free, unstated, DEFAULTS, 0)
 
 
 def confirmed(state: SensingState) -> SensingState:
@@ -176,11 +211,16 @@ def confirmed(state: SensingState) -> SensingState:
     own = DEFAULTS.samples
     first, enough, more = (_CONFIRMING * n for n in (own.first, own.enough, own.more))
     settings = replace(DEFAULTS, samples=replace(own, first=first, enough=enough, more=more))
-    return _updated(state, state.touches, state.free, settings, 1)
+    return _updated(state, state.touches, state.free, state.unstated, settings, 1)
 
 
 def _updated(
-    before: SensingState, touches: ContactPoints, free: FreeRays, settings: Settings, again: int
+    before: SensingState,
+    touches: ContactPoints,
+    free: FreeRays,
+    unstated: tuple[UnstatedError, ...],
+    settings: Settings,
+    again: int,
 ) -> SensingState:
     start = before.start
     priors, log_priors = start.priors, _log_priors(start)
@@ -193,4 +233,4 @@ def _updated(
     rng = np.random.default_rng((1991, len(touches), len(free), *([again] if again else [])))
     parts = [start.targets[k] for k in some]
     after = update_posterior(problem, parts, log_priors[some], before.posterior, float(anywhere), rng)
-    return SensingState(start, after, after.unknown, _draws(after))
+    return SensingState(start, after, after.unknown, _draws(after), unstated)

@@ -20,6 +20,9 @@ from tanteo.words.findings import GoalReached
 _SAMPLES = 2048
 """Number of sampled poses for the probability of a tolerance."""
 
+_FEWEST = 64
+"""Numerical: smallest number of sampled poses of one mode, and of one model of its unstated errors."""
+
 _FAINT = 0.1
 """Fraction of the smallest gain below which the expected information is not accurate."""
 
@@ -116,6 +119,23 @@ class Stop:
         """
         return float("nan") if self.tolerance is None else chance_within(state, self.tolerance, self.feature)
 
+    def left_for_noise(self, state: SensingState) -> float | None:
+        """Return the tolerance less what errors take that no policy considers [m]; None without a tolerance.
+
+        These are the errors of :meth:`tanteo.planning.state.SensingState.moves`. Readings that are accurate enough
+        without them are not accurate enough with them.
+
+        Args:
+            state: posterior of the session.
+        """
+        if self.tolerance is None or not len(state.weights):
+            return self.tolerance
+        k = int(np.argmax(state.weights))
+        part, own, whole = state.target(k).part, state.covariances[k], state.whole_covariance(k)
+        places = places_of(part, self.feature)
+        plain, wide = (places.sd(observed_covariance(part, C)) for C in (own, whole))
+        return self.tolerance * plain / wide if wide > plain else self.tolerance
+
     def is_part_known(self, state: SensingState) -> bool:
         """Return whether the part has the required probability; True if the part does not matter.
 
@@ -183,7 +203,7 @@ def _chance_within(state: SensingState, tolerance: float, feature: str | None) -
         return 0.0
     best = int(np.argmax(state.weights))
     same = np.flatnonzero(state.part == state.part[best])
-    counts = np.maximum(64, np.ceil(_SAMPLES * state.weights[same] / state.weights[same].sum())).astype(int)
+    counts = np.maximum(_FEWEST, np.ceil(_SAMPLES * state.weights[same] / state.weights[same].sum())).astype(int)
     total = 0.0
     for k, n in zip(same, counts, strict=True):
         Ts, w = _poses(state, int(k), int(n))
@@ -192,15 +212,33 @@ def _chance_within(state: SensingState, tolerance: float, feature: str | None) -
 
 
 def _poses(state: SensingState, k: int, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return poses of one mode and their weights: by its covariance, or posterior samples if it is not normal."""
-    rows = np.zeros(0, dtype=np.int64)
+    """Return poses of one mode and their weights: by its covariance, or posterior samples if it is not normal.
+
+    They have the errors that the mode's covariance does not contain.
+    """
+    rows, moves = np.zeros(0, dtype=np.int64), state.moves(k)
     if state.draws is not None and not state.modes[k].normal:
         rows = np.flatnonzero(state.draws.mode == k)
+    models = zip(moves.weights, moves.factors, moves.offsets, moves.covariances, strict=True)
+    Ts, weights = list[FloatArray](), list[FloatArray]()
     if state.draws is not None and len(rows):  # an improbable mode may have no sample
-        return state.draws.Ts[rows], state.draws.weights[rows]
-    values, vectors = np.linalg.eigh(state.covariances[k])
-    xi = even_normals(count) @ (vectors * np.sqrt(values.clip(0.0))).T
-    return state.poses[k] @ SE3.exp(xi), np.ones(count)
+        xi, own = SE3.log(SE3.inverse(state.poses[k]) @ state.draws.Ts[rows]), state.draws.weights[rows]
+        noise = np.random.default_rng((1991, len(rows))).normal(size=xi.shape)
+        for share, factor, off, C in models:
+            Ts.append(state.poses[k] @ SE3.exp(off + factor * xi + noise @ _root(C).T))
+            weights.append(share * own)
+    else:
+        for share, factor, off, C in models:
+            n = max(_FEWEST, int(np.ceil(share * count)))
+            Ts.append(state.poses[k] @ SE3.exp(off + even_normals(n) @ _root(factor**2 * state.covariances[k] + C).T))
+            weights.append(np.full(n, share / n))
+    return np.concatenate(Ts), np.concatenate(weights)
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """Return a matrix whose product with its transpose is a covariance ``(6, 6)``."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(values.clip(0.0)))
 
 
 def corner_distances(state: SensingState, k: int, Ts: FloatArray) -> FloatArray:
@@ -237,7 +275,7 @@ def largest_corner_sd(state: SensingState) -> float:
     places = places_of(part)
     moved, R, _ = _moved(state, best, state.poses[same], places)
     J = R[:, None] @ places.moves
-    C = np.stack([observed_covariance(part, state.covariances[k]) for k in same])[:, None]
+    C = np.stack([observed_covariance(part, state.whole_covariance(int(k))) for k in same])[:, None]
     off = moved - np.tensordot(w, moved, 1)
     whole = np.tensordot(w, J @ C @ np.swapaxes(J, -1, -2) + off[..., :, None] * off[..., None, :], 1)
     return float(np.sqrt(np.linalg.eigvalsh(whole).max().clip(0.0)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,9 +10,9 @@ from tanteo.features import SharedError
 from tanteo.fitting.localization import pose_information
 from tanteo.geometry.typing import FloatArray
 from tanteo.posterior.answers.part_motions import corner_sd, part_scale, without_symmetry
-from tanteo.posterior.answers.results import Hypothesis
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
 from tanteo.posterior.sampling.modes import Mode
+from tanteo.sensors.error_states import Drift, Form, Scale
 from tanteo.words.findings import SharedErrorLimits
 
 
@@ -41,19 +41,33 @@ def dominant_shared_error(one: GoodnessOfFit, shared: Sequence[SharedError]) -> 
     return SharedErrorLimits(name, worst, total, float(np.sqrt(total**2 - worst**2)), source)
 
 
-def unstated_errors_limit(best: Hypothesis, without: float, share: float) -> SharedErrorLimits | None:
+_ASSUMED = {
+    Scale.name: "an assumed scale error of the world",
+    Drift.name: "an assumed drift over the run",
+    Form.name: "an assumed warp of the part",
+}
+
+
+def unstated_errors_limit(
+    corner_sd: float, without: float, share: float, only: Mapping[str, float] | None = None
+) -> SharedErrorLimits | None:
     """Return the finding that unstated errors dominate the uncertainty; None if they do not.
 
     Args:
-        best: the best hypothesis.
+        corner_sd: largest corner sd of the pose [m].
         without: largest corner sd of the pose without these errors [m].
         share: contribution over the largest corner sd from which an error is named.
+        only: largest corner sd with each error alone, by its name [m], to name the largest; None to name all.
     """
-    part_of = float(np.sqrt(max(best.corner_sd**2 - without**2, 0.0)))
-    if part_of < share * best.corner_sd:
+    part_of = float(np.sqrt(max(corner_sd**2 - without**2, 0.0)))
+    if part_of < share * corner_sd:
         return None
-    what = "an assumed scale error, drift and warp"
-    return SharedErrorLimits(what, part_of, best.corner_sd, without, "unstated")
+    if not only:
+        what = "an assumed scale error, drift and warp"
+        return SharedErrorLimits(what, part_of, corner_sd, without, "unstated")
+    worst = max(only, key=lambda name: only[name])
+    own = float(np.sqrt(max(only[worst] ** 2 - without**2, 0.0)))
+    return SharedErrorLimits(_ASSUMED[worst], own, corner_sd, without, f"unstated {worst}")
 
 
 def _corner_sd(mode: Mode, information: FloatArray) -> float:

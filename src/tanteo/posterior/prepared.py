@@ -12,9 +12,11 @@ from tanteo import _core
 from tanteo.catalogue import SAMPLES, SHAPE, cache, compiled_shape
 from tanteo.catalogue.copies import Resolution, copy_of
 from tanteo.catalogue.signatures import faces_of
-from tanteo.geometry.typing import IntArray, Vectors
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import IntArray, Transforms, Vectors
 from tanteo.parts import Part, Surface, as_parts
 from tanteo.parts.shapes import DistanceField, distance_field
+from tanteo.sensors import PointMeasurements
 from tanteo.values import Value
 
 
@@ -78,6 +80,18 @@ class PreparedPart(Value):
     def surface(self) -> Surface:
         """Return the surface for distances and rays in batches."""
         return Surface(self.part.vertices, self.part.triangles)
+
+    def faces_of_readings(self, measured: PointMeasurements, count: int, T_world_part: Transforms) -> tuple[int, ...]:
+        """Return the index of the face nearest to each reading, -1 for readings without a point.
+
+        Args:
+            measured: the readings as points in the world frame.
+            count: number of all readings, those without a point included.
+            T_world_part: pose of the part ``(4, 4)``.
+        """
+        faces, points = np.full(count, -1), SE3.apply(SE3.inverse(T_world_part), measured.points)
+        faces[measured.rows] = self.part.triangle_face[self.surface.closest(points).triangles]
+        return tuple(map(int, faces))
 
     @cached_property
     def field(self) -> DistanceField:

@@ -110,7 +110,7 @@ def identify_points(
     limit = None
     if hypotheses and unstated:
         without = as_hypothesis(points, found[0], problem.priors.pose if check.other is None else None).corner_sd
-        limit = unstated_errors_limit(hypotheses[0], without, settings.checks.limiting_share)
+        limit = unstated_errors_limit(hypotheses[0].corner_sd, without, settings.checks.limiting_share)
     shown = check.other or posterior
     outcome = Outcome(candidates, chosen, posterior, shown.modes, found, hypotheses, check, worst, limit, plane)
     status, findings = verdict_of(outcome, significance, shared)

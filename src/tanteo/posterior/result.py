@@ -19,7 +19,7 @@ from tanteo.posterior.answers.pose_prior import PosePrior, prior_rows
 from tanteo.posterior.answers.results import Hypothesis
 from tanteo.posterior.details import details_at
 from tanteo.posterior.fit_at_mode import GoodnessOfFit, face_names
-from tanteo.posterior.sampling.covariances import common_tolerance, mode_covariances, with_unstated_errors
+from tanteo.posterior.sampling.covariances import common_tolerance, mode_covariances, unstated_moves
 from tanteo.posterior.sampling.modes import Mode
 from tanteo.sensors.error_states import UnstatedError
 from tanteo.words.findings import WorstReading
@@ -41,7 +41,7 @@ def as_hypothesis(
     covariance, given = mode_covariances(one)
     common, common_given = common_tolerance(points, one)
     shared = _shared_given(mode, covariance + common)
-    covariance = with_unstated_errors(covariance, points, one, unstated)
+    covariance = unstated_moves(points, one, unstated).widen(covariance)
     misfit = _joint_misfit(one, pose)
     names = face_names(one)
     return hypothesis_at(

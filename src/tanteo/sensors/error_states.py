@@ -314,8 +314,7 @@ def _field(points: Vectors, rows: IntArray, sd: float, length: float | None) -> 
     n, at = len(points), points[rows]
     if not len(at):
         return Columns(np.zeros((n, 3, 0)), ())
-    extent = float(np.linalg.norm(np.ptp(at, axis=0)))
-    length = length or max(0.5 * extent, 1e-6)
+    length = length or _half_extent(at)
     some = at[:: max(1, len(at) // 200)]
     values, vectors = np.linalg.eigh(_smooth(some, some, length))
     count = min(_MOST_COMPONENTS, int(np.count_nonzero(values > 1e-9 * values[-1])))
@@ -327,6 +326,20 @@ def _field(points: Vectors, rows: IntArray, sd: float, length: float | None) -> 
     rest[rows] = np.maximum(1 - np.sum(field_at**2, axis=1), 0)
     names = tuple(f"form, component {k + 1} along {axis}" for k in range(count) for axis in "xyz")
     return Columns(columns, names, covs=sd**2 * rest[:, None, None] * np.eye(3))
+
+
+def smooth_correlation(points: Vectors) -> FloatArray:
+    """Return the correlation of a smooth field at points, whose length is half of their extent ``(n, n)``.
+
+    Args:
+        points: the points ``(n, 3)`` [m].
+    """
+    return _smooth(points, points, _half_extent(points))
+
+
+def _half_extent(points: Vectors) -> float:
+    """Return half of the diagonal of the box of some points [m]."""
+    return max(0.5 * float(np.linalg.norm(np.ptp(points, axis=0))), 1e-6)
 
 
 def _smooth(a: Vectors, b: Vectors, length: float) -> FloatArray:
@@ -414,10 +427,17 @@ class Stock(ErrorState):
 class FaceOffset(ErrorState):
     """Offset of each face of the made part from its CAD [m], which all readings of the face share.
 
-    See :func:`made_surface`. The faces of readings without an approach are unknown: these readings have a smooth field
-    of displacements instead, see :class:`Form`. Centres of round features have the offset as independent noise.
+    See :func:`made_surface`. The offsets of two faces are independent, also if the faces lie in one plane, like two
+    bosses of a casting. The readings alone do not distinguish such faces; ``faces`` does. The faces of readings without
+    an approach are unknown: these readings have a smooth field of displacements instead, see :class:`Form`. Centres of
+    round features have the offset as independent noise.
+
+    Attributes:
+        faces: index of the face of each reading in an assumed pose of the part, -1 if unknown, in the order of the
+            readings; empty for no pose. Readings of two faces never share an offset, unless they share a label.
     """
 
+    faces: tuple[int, ...] = ()
     name: ClassVar[str] = "face offset"
 
     def columns(self, sensed: Sensed) -> Columns:
@@ -426,7 +446,7 @@ class FaceOffset(ErrorState):
         Args:
             sensed: the readings.
         """
-        numbers, aims = faces_of(sensed, self.sd)
+        numbers, aims = _divided(*faces_of(sensed, self.sd), self.faces, sensed.labels)
         of_faces = _columns_of_faces(sensed.aimed(), numbers, aims, "offset")
         bare = sensed.hit & sensed.on_surface & ~sensed.aims.given
         field = _field(sensed.points, np.flatnonzero(bare), self.sd, None)
@@ -442,7 +462,7 @@ WITHIN_FACE = 1 / 3
 with flatness of a third of it (63 to 100 mm: class f, 0.3 mm, with H, 0.1 mm; class m, 0.6 mm, with K, 0.2 mm)."""
 
 
-def made_surface(sd: float) -> tuple[tuple[ErrorState, ...], float]:
+def made_surface(sd: float, faces: tuple[int, ...] = ()) -> tuple[tuple[ErrorState, ...], float]:
     """Return the error states of a made part's surface, and the standard deviation that each point has alone [m].
 
     Each face deviates from its CAD as a whole (:class:`FaceOffset`), so that many touches do not average its deviation,
@@ -450,8 +470,9 @@ def made_surface(sd: float) -> tuple[tuple[ErrorState, ...], float]:
 
     Args:
         sd: standard deviation of the surface from its CAD [m]; 0 for an exact part.
+        faces: index of the face of each reading, see :class:`FaceOffset`; empty for no assumed pose.
     """
-    return ((FaceOffset(sd),) if sd > 0 else ()), sd * WITHIN_FACE
+    return ((FaceOffset(sd, faces),) if sd > 0 else ()), sd * WITHIN_FACE
 
 
 _MOST_FACES = 64
@@ -499,6 +520,17 @@ def faces_of(sensed: Sensed, sd: float) -> tuple[IntArray, Vectors]:
         faces[best].add(sensed.points[k], own[k] ** 2)
         numbers[k] = best
     return numbers, np.array([one.aim for one in faces]).reshape(-1, 3)
+
+
+def _divided(
+    numbers: IntArray, aims: Vectors, faces: tuple[int, ...], labels: tuple[str, ...]
+) -> tuple[IntArray, Vectors]:
+    """Return groups of readings without a label divided by the face of the part, and an approach to each group."""
+    if not faces:
+        return numbers, aims
+    keys = [(int(k), -1 if label else face) for k, face, label in zip(numbers, faces, labels, strict=True)]
+    groups = {key: n for n, key in enumerate(dict.fromkeys(key for key in keys if key[0] >= 0))}
+    return np.array([groups.get(key, -1) for key in keys], dtype=np.int64), aims[[k for k, _ in groups]]
 
 
 def _on_one_plane(points: Vectors, aims: Vectors, own: FloatArray, rows: IntArray) -> IntArray:

@@ -138,7 +138,7 @@ def _count(stage: Stage, policy: str, seed: int) -> int:
 def _sense(session: Session, read: Callable[[Action], Readings], emit: Callable[[str], None] | None) -> None:
     """Run a session, and emit each question with its reason and result."""
     while isinstance(action := session.ask(), Action):
-        question = f"  {session.count + 1:2d}  {action.face} of {action.part}: {_why(session, action)}"
+        question = f"  {session.count + 1:2d}  {action.aim}: {_why(session, action)}"
         readings = read(action)
         step = session.tell(readings)
         if emit is not None:

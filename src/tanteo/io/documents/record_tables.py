@@ -57,6 +57,7 @@ class ActionTable(Table, frozen=True, kw_only=True, eq=False):
     why: str
     radius: float = 0.0
     acquires: str = ""
+    unlikely: bool = False
     reason: object = None
 
     @classmethod
@@ -146,7 +147,8 @@ class ErrorTable(Table, frozen=True, kw_only=True, eq=False):
         Args:
             error: error to store.
         """
-        return cls(at=HERE, name=error.name, **{one.name: getattr(error, one.name) for one in fields(error)})
+        stored = [one.name for one in fields(error) if one.name in cls.__struct_fields__]
+        return cls(at=HERE, name=error.name, **{name: getattr(error, name) for name in stored})
 
     def state(self) -> ErrorState:
         """Return the error.

@@ -22,6 +22,7 @@ from tanteo.planning.execution import acquirable, reachable, seen_start
 from tanteo.planning.policies import policy_named
 from tanteo.planning.start import Start
 from tanteo.posterior import PosePrior, PreparedPart, Priors, prepare_all
+from tanteo.sensors.error_states import ErrorState
 
 if TYPE_CHECKING:
     from tanteo.io.scenes.view import SceneView
@@ -78,7 +79,12 @@ def start_of(
 
 
 def session_of(
-    scene: SceneFile, start: Start, stop: Stop, policy: str = "information", form_sd: float = 0.0
+    scene: SceneFile,
+    start: Start,
+    stop: Stop,
+    policy: str = "information",
+    form_sd: float = 0.0,
+    shared_errors: Sequence[ErrorState] = (),
 ) -> tuple[Session, SimulatedHand, Rules]:
     """Create a session, the simulated hand that carries it out, and the limits of its motions.
 
@@ -90,13 +96,15 @@ def session_of(
         stop: stopping rule.
         policy: name of the policy that chooses actions.
         form_sd: standard deviation of the part's surface from its CAD [m].
+        shared_errors: further errors that the readings share, which replace the assumed ones.
     """
     robot, rules = robot_of(scene)
     reach = robot.carrier if isinstance(robot.carrier, ArmMotion) else None
     errors = scene.cell.robot
     probe = replace(hand_probe(scene.hand, rules, scene.standoff, errors), form_sd=form_sd)
+    sensing = Sensing(rig=scene.hand.rig, robot=errors, tolerance=form_sd, shared_errors=tuple(shared_errors))
     session = Session(
-        start, probe, Sensing(rig=scene.hand.rig, robot=errors, tolerance=form_sd), policy_named(policy), stop,
+        start, probe, sensing, policy_named(policy), stop,
         scene.seed, reachable(scene.hand, rules, probe.retreat, reach),
         acquirable(scene.hand, rules, probe.retreat, reach),
     )  # fmt: skip

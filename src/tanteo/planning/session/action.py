@@ -28,13 +28,15 @@ class Action(Value):
         direction: unit direction of the beam or motion, world frame ``(3,)``.
         max_range: largest range [m].
         expected: range from ``origin`` that is expected if the most probable hypothesis is true [m].
-        part: name of the part at which the reading aims.
-        face: name of the aimed face of that part.
+        part: name of the part of that hypothesis.
+        face: name of the face of that part that the reading senses then.
         gain: expected information [nats]; NaN if the policy does not compute it.
         reason: reason of the choice, for the user.
         radius: radius of the ball of a touch probe [m]; ranges are those of its centre. It is 0 for a point or a beam.
         acquires: kind of the feature that a hand must acquire completely, ``circle`` or ``cylinder``; its name is in
             ``face`` then. Empty for a single reading.
+        unlikely: whether the most probable hypothesis expects no contact; ``part``, ``face`` and ``expected`` are those
+            of a less probable one then.
 
     Example:
         >>> import numpy as np
@@ -56,6 +58,7 @@ class Action(Value):
     reason: Finding
     radius: float = 0.0
     acquires: str = ""
+    unlikely: bool = False
 
     def __post_init__(self) -> None:
         if self.number < 1:
@@ -83,6 +86,11 @@ class Action(Value):
         return f"a{self.number}"
 
     @property
+    def aim(self) -> str:
+        """Name of the expected face and part, with a remark if they are not the most probable ones."""
+        return f"{self.face} of {self.part}{' (if it is there)' if self.unlikely else ''}"
+
+    @property
     def words(self) -> str:
         """Description of the action for the user, one line."""
         x, y, z = 1e3 * self.origin
@@ -91,8 +99,8 @@ class Action(Value):
             what = f"acquire {self.face} of {self.part} as a {self.acquires}"
             return f"From ({x:.1f}, {y:.1f}, {z:.1f}) mm in the world: {what}. {self.reason.message}"
         return (
-            f"From ({x:.1f}, {y:.1f}, {z:.1f}) mm along ({dx:.3f}, {dy:.3f}, {dz:.3f}) in the world: {self.face} of "
-            f"{self.part} is expected after {1e3 * self.expected:.1f} mm. {self.reason.message}"
+            f"From ({x:.1f}, {y:.1f}, {z:.1f}) mm along ({dx:.3f}, {dy:.3f}, {dz:.3f}) in the world: {self.aim} is expected "
+            f"after {1e3 * self.expected:.1f} mm. {self.reason.message}"
         )
 
     def read(

@@ -15,9 +15,12 @@ from tanteo.planning.session.values import Sensing
 from tanteo.planning.shared import SharedAhead
 from tanteo.planning.state import SensingState
 from tanteo.posterior import dominant_shared_error
+from tanteo.posterior.answers import corner_sd, observed_covariance
+from tanteo.posterior.dominant_error import unstated_errors_limit
 from tanteo.posterior.fit_at_mode import goodness_of_fit
+from tanteo.posterior.sampling.covariances import unstated_moves
 from tanteo.sensors import Column, PointMeasurements, Readings, concatenate
-from tanteo.sensors.error_states import FaceOffset
+from tanteo.sensors.error_states import FaceOffset, UnstatedError
 from tanteo.words.findings import SharedErrorLimits
 
 _TURNED, _STILL = 0.3, 0.1
@@ -42,7 +45,7 @@ def shared_of(sensing: Sensing, probe: Probe, readings: Readings | None, state: 
     """
     if readings is None or not state.modes:
         return None
-    measured = measured_by(sensing, probe, readings)
+    measured = measured_by(sensing, probe, readings, state)
     if not measured.shared or not len(measured):
         return None
     columns, effect = _columns(measured), _effect(measured)
@@ -50,7 +53,7 @@ def shared_of(sensing: Sensing, probe: Probe, readings: Readings | None, state: 
     def ahead(candidates: Candidates) -> SharedAhead | None:
         made = _as_readings(candidates, readings, measured, probe)
         try:
-            joint = measured_by(sensing, probe, concatenate([readings, made]))
+            joint = measured_by(sensing, probe, concatenate([readings, made]), state)
         except ReadingsError:  # the probe allows a range that the sensor does not
             return None
         whole, which = _effect(joint), np.full(sum(len(e.covariance) for e in joint.shared), -1)
@@ -74,19 +77,34 @@ def limits(sensing: Sensing, probe: Probe, readings: Readings | None, state: Sen
     """
     if readings is None or not state.modes:
         return None
-    measured = measured_by(sensing, probe, readings)
-    return dominant_shared_error(goodness_of_fit(state.modes[0]), measured.shared) if measured.shared else None
+    measured = measured_by(sensing, probe, readings, state)
+    found = dominant_shared_error(goodness_of_fit(state.modes[0]), measured.shared) if measured.shared else None
+    return _unstated_limit(state) or found
 
 
-def measured_by(sensing: Sensing, probe: Probe, readings: Readings) -> PointMeasurements:
+def _unstated_limit(state: SensingState) -> SharedErrorLimits | None:
+    """Return the assumed error that contributes most to the uncertainty of the answer; None if none dominates."""
+    if not state.unstated or state.touches is None:
+        return None
+    part, best, covariance = state.target(0).part, goodness_of_fit(state.modes[0]), state.covariances[0]
+
+    def sd(errors: tuple[UnstatedError, ...]) -> float:
+        return corner_sd(part, observed_covariance(part, unstated_moves(touches, best, errors).widen(covariance)))
+
+    touches, share = state.touches, best.mode.objective.problem.settings.checks.limiting_share
+    return unstated_errors_limit(sd(state.unstated), sd(()), share, {one.name: sd((one,)) for one in state.unstated})
+
+
+def measured_by(sensing: Sensing, probe: Probe, readings: Readings, state: SensingState) -> PointMeasurements:
     """Return readings as measurements in the world frame, with the beam width of the session's probe.
 
     Args:
         sensing: noise model of the readings.
         probe: sensor model for planning.
         readings: readings of the devices.
+        state: posterior whose most probable pose assigns the readings to the faces of a made part.
     """
-    return sensing.measured(readings, np.nan if probe.contact else probe.beam_half_angle)
+    return sensing.measured(readings, np.nan if probe.contact else probe.beam_half_angle, state)
 
 
 def _columns(measured: PointMeasurements) -> dict[str, IntArray]:

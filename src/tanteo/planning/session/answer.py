@@ -99,7 +99,8 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
         return Answer("unknown", (NoPartLeft(),), (), state.unknown, seed=seed, significance=significance)
     found = [goodness_of_fit(mode) for mode in state.modes[:top]]
     hypotheses = tuple(
-        as_hypothesis(touches, one, start.stated(row)) for one, row in zip(found, state.rows, strict=False)
+        as_hypothesis(touches, one, start.stated(row), state.unstated)
+        for one, row in zip(found, state.rows, strict=False)
     )
     shares = [(mode.prepared.part.name, mode.probability) for mode in state.modes]
     enough = bool(stop.reached(state))
@@ -206,7 +207,7 @@ def step_of(state: SensingState, stop: Stop, observation: Observation) -> Step:
         T, part, C, inside = nowhere
     else:
         k = int(np.argmax(state.weights))
-        T, part, C = state.poses[k], int(state.part[k]), state.covariances[k]
+        T, part, C = state.poses[k], int(state.part[k]), state.whole_covariance(k)
         inside = stop.chance(state)
     ids = () if observation.readings is None else observation.readings.ids
     known = state.of_parts(), state.unknown, T, part, C, largest_corner_sd(state), float(inside)

@@ -201,7 +201,8 @@ class Session(Value):
         stop, state = self.stop, self._state
         part_only = stop.tolerance is None and stop.probability is not None
         known = stop.is_part_known(state)
-        values = state, candidates, self.probe, self._place(), stop.tolerance, self.count, self.seed
+        tolerance = stop.left_for_noise(state)
+        values = state, candidates, self.probe, self._place(), tolerance, self.count, self.seed
         shared = shared_of(self.sensing, self.probe, self._joined, state)
         return DecisionContext(*values, part_only=part_only, part_open=not known, feature=stop.feature, shared=shared)
 
@@ -284,8 +285,8 @@ class Session(Value):
         state, joined, fresh, action = self._state, self._joined, observation.readings, observation.action
         if fresh is not None:
             joined = fresh if joined is None else concatenate([joined, fresh])
-            state = update(state, *self.sensing.touches(joined, self.probe))
-            state = state if self.stop.reached(state) is None else confirmed(state)
+            state = self._updated(state, joined)
+            state = state if self.stop.reached(state) is None else confirmed(self._updated(state, joined))
         step = step_of(state, self.stop, observation)
         # all changes at once: an interrupt during the long work above leaves the session unchanged
         self._state, self._joined = state, joined
@@ -296,6 +297,10 @@ class Session(Value):
         if fresh is not None and is_same(action, self._pending):
             self._pending = None
         return step
+
+    def _updated(self, state: SensingState, readings: Readings) -> SensingState:
+        """Return the posterior of all readings; an earlier one assigns them to the faces of a made part."""
+        return update(state, *self.sensing.touches(readings, self.probe, state))
 
     def restart(self, start: Start) -> Step:
         """Replace the start by one with further images; the readings so far stay. The pending action is discarded.
@@ -313,7 +318,7 @@ class Session(Value):
             raise InputError("start: expected the parts of the session, got others. Begin another session.")
         state = begin(start)
         if self._joined is not None:
-            state = update(state, *self.sensing.touches(self._joined, self.probe))
+            state = self._updated(state, self._joined)
         self.start, self._state, self._pending = start, state, None
         return step_of(state, self.stop, Observation(None, None, ()))
 

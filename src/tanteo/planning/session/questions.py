@@ -15,6 +15,7 @@ import numpy.typing as npt
 from tanteo.geometry import SE3
 from tanteo.planning.candidates import Candidates
 from tanteo.planning.context import Choice, DecisionContext
+from tanteo.planning.predictions import beams
 from tanteo.planning.session.action import Action
 from tanteo.planning.state import SensingState
 from tanteo.planning.whole import WholeFeature
@@ -37,12 +38,27 @@ def action_of(context: DecisionContext, choice: Choice, number: int) -> Action:
         choice: choice of the policy.
         number: number of the action.
     """
-    k, c = choice.index, context.candidates
-    part, expected = context.state.target(int(c.mode[k])).part, float(c.ranges[k] - _short(context, k))
+    k, c, state = choice.index, context.candidates, context.state
+    mode, reach, face = _most_probable(context, k)
+    part, expected = state.target(mode).part, reach - _short(context, k, mode)
     return Action(
-        number, c.origins[k], c.directions[k], context.probe.max_range, expected, part.name,
-        part.faces[c.face[k]].name, choice.gain, choice.reason, context.probe.radius,
+        number, c.origins[k], c.directions[k], context.probe.max_range, expected, part.name, part.faces[face].name,
+        choice.gain, choice.reason, context.probe.radius, unlikely=bool(state.weights[mode] < state.weights.max()),
     )  # fmt: skip
+
+
+def _most_probable(context: DecisionContext, k: int) -> tuple[int, float, int]:
+    """Return the most probable mode that a candidate reaches, with the range and the face there.
+
+    A candidate may aim at the face of an improbable mode. If the most probable one expects no contact, it is this mode.
+    """
+    c, state, limit = context.candidates, context.state, context.probe.max_range
+    best, own = int(np.argmax(state.weights)), int(c.mode[k])
+    if best != own:
+        ranges, _, faces, _ = beams(state.target(best), state.poses[best][None], c.origins[[k]], c.directions[[k]])
+        if ranges[0, 0] <= limit:
+            return best, float(ranges[0, 0]), int(faces[0, 0])
+    return own, float(c.ranges[k]), int(c.face[k])
 
 
 def whole_action(state: SensingState, one: WholeFeature, gain: float, number: int) -> Action:
@@ -62,11 +78,11 @@ def whole_action(state: SensingState, one: WholeFeature, gain: float, number: in
     )  # fmt: skip
 
 
-def _short(context: DecisionContext, k: int) -> float:
+def _short(context: DecisionContext, k: int, mode: int) -> float:
     """Return the distance from the centre of the stopped ball to the surface, along a candidate's direction [m]."""
     if context.probe.radius == 0:
         return 0.0
-    c, mode = context.candidates, int(context.candidates.mode[k])
+    c = context.candidates
     target, to_part = context.state.target(mode), SE3.inverse(context.state.poses[mode])
     d = to_part[:3, :3] @ c.directions[k]
     hit = target.surface.cast(SE3.apply(to_part, c.origins[k])[None], d[None])

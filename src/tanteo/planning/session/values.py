@@ -12,8 +12,9 @@ from tanteo.geometry.limits import LEAST_SD, check_length
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.planning.probe import Probe
 from tanteo.planning.session.action import Action
+from tanteo.planning.state import SensingState
 from tanteo.sensors import PointMeasurements, Readings, Rig, measure
-from tanteo.sensors.error_states import ErrorState, made_surface
+from tanteo.sensors.error_states import ErrorState, UnstatedError, made_surface
 from tanteo.sensors.presets import RobotPreset, SensorPreset
 from tanteo.values import Value, lock
 from tanteo.words import Finding, message_of
@@ -58,21 +59,35 @@ class Sensing(Value):
             check_length("bias_sd", self.bias_sd, LEAST_SD)
         lock(self)
 
-    def measured(self, readings: Readings, beam_half_angle: float = np.nan) -> PointMeasurements:
+    def measured(
+        self, readings: Readings, beam_half_angle: float = np.nan, state: SensingState | None = None
+    ) -> PointMeasurements:
         """Convert readings into points in the world frame with covariances, and free-space rays.
 
         Args:
             readings: readings of the devices.
             beam_half_angle: half angle of beams whose sensor preset states none [rad]; NaN for touches.
+            state: posterior whose most probable pose assigns the readings to the faces of a made part, see
+                :class:`tanteo.sensors.error_states.FaceOffset`; None to assume no pose.
         """
-        return measure(
-            readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd,
-            bias_sd=self.bias_sd, shared_errors=(*self.shared_errors, *made_surface(self.tolerance)[0]), rig=self.rig,
-            beam_half_angle=beam_half_angle,
-        )  # fmt: skip
 
-    def touches(self, readings: Readings, probe: Probe | None = None) -> tuple[ContactPoints, FreeRays]:
-        """Convert readings into the contact points and free-space rays of the posterior.
+        def at(faces: tuple[int, ...]) -> PointMeasurements:
+            errors = *self.shared_errors, *made_surface(self.tolerance, faces)[0]
+            return measure(
+                readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd, bias_sd=self.bias_sd,
+                shared_errors=errors, rig=self.rig, beam_half_angle=beam_half_angle,
+            )  # fmt: skip
+
+        measured = at(())
+        if state is None or not len(state.weights) or self.tolerance == 0 or not len(measured):
+            return measured
+        k = int(np.argmax(state.weights))
+        return at(state.target(k).faces_of_readings(measured, len(readings), state.poses[k]))
+
+    def touches(
+        self, readings: Readings, probe: Probe | None = None, state: SensingState | None = None
+    ) -> tuple[ContactPoints, FreeRays, tuple[UnstatedError, ...]]:
+        """Convert readings into the contact points and free-space rays of the posterior, with their unstated errors.
 
         Beams have the width of the probe's cone. Free-space rays do not exclude surfaces at a larger incidence than the
         probe detects.
@@ -80,13 +95,14 @@ class Sensing(Value):
         Args:
             readings: readings of the devices.
             probe: sensor model for planning, for readings without a sensor; None for touches.
+            state: posterior whose most probable pose assigns the readings to the faces of a made part.
         """
         beam = None if probe is None or probe.contact else probe
-        measured = self.measured(readings, np.nan if beam is None else beam.beam_half_angle)
+        measured = self.measured(readings, np.nan if beam is None else beam.beam_half_angle, state)
         own_sd = made_surface(self.tolerance)[1]
         touches = as_contact_points(measured, own_sd, readings.ranges.take(measured.rows)).with_places()
         free = as_free_rays(measured, own_sd)
-        return touches, free if beam is None else free.up_to(beam.max_incidence)
+        return touches, free if beam is None else free.up_to(beam.max_incidence), measured.unstated
 
 
 @dataclass(frozen=True, slots=True)

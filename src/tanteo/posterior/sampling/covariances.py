@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -14,7 +14,7 @@ from tanteo.geometry import SO3
 from tanteo.geometry.typing import Covariances, FloatArray, Tangents
 from tanteo.posterior.answers.part_motions import part_scale, symmetry_motions, without_symmetry
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
-from tanteo.sensors.error_states import UnstatedError
+from tanteo.sensors.error_states import UnstatedError, smooth_correlation
 
 
 def mode_covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | None]:
@@ -59,20 +59,23 @@ def _with_free(
 
 
 def common_tolerance(points: ContactPoints, one: GoodnessOfFit) -> tuple[Covariances, Covariances]:
-    """Return the covariance that deviations of whole faces add, with shared errors estimated and given.
+    """Return the covariance that deviations within faces add, with shared errors estimated and given.
 
-    The estimate weights points as if their deviations were independent. For that estimator, points of one face with one
-    deviation of sd ``tolerance`` add ``A^-1 J' W (one draw - many) W J A^-1`` to the covariance ``(6, 6)``. The first
-    is with the shared errors estimated beside the pose, the second with these known.
+    The estimate weights points as if their deviations of sd ``tolerance`` were independent. A made face is not flat:
+    it bends and tilts, so near points deviate alike. For that estimator a smooth deviation of each face with
+    correlation ``R`` adds ``A^-1 J' W (R - I) W J A^-1`` to the covariance ``(6, 6)``. The correlation length is half
+    of the extent of the points on the face. The first is with the shared errors estimated beside the pose, the second
+    with these known.
     """
     if points.tolerance == 0:
         return np.zeros((6, 6)), np.zeros((6, 6))
     at, J, constrained = one.at, _derivatives(points, one), _constrained(one)
     weighted = J * (at.inlier_probability[0] * points.tolerance * at.per_sd[0] ** 2)[:, None]
-    extra = -weighted.T @ weighted
+    extra = np.zeros((J.shape[1], J.shape[1]))
     for face in np.unique(at.faces[0]):
-        together = weighted[at.faces[0] == face].sum(axis=0)
-        extra = extra + np.outer(together, together)
+        rows = np.flatnonzero(at.faces[0] == face)
+        own = weighted[rows]
+        extra += own.T @ (smooth_correlation(at.in_part[0][rows]) - np.eye(len(rows))) @ own
     shared_jacobian = (_inverse(A) for A in (constrained, constrained[:6, :6]))
     return _gained(next(shared_jacobian)[:6], extra), _gained(next(shared_jacobian), extra[:6, :6])
 
@@ -93,23 +96,63 @@ def _constrained(one: GoodnessOfFit) -> FloatArray:
     return out
 
 
-def with_unstated_errors(
-    covariance: Covariances, points: ContactPoints, one: GoodnessOfFit, errors: Sequence[UnstatedError]
-) -> Covariances:
-    """Return the covariance of the pose with unstated errors.
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseMoves:
+    """Errors of a pose that its covariance does not contain, as a mixture over models of unstated errors.
 
-    The pose stays that of the model without these errors, as for a consider parameter (Schmidt 1966). Its covariance is
-    the mean over models with errors of several sizes, weighted by their evidence (Hoeting et al. 1999). All models are
-    linear at the maximum, and the noise scale is integrated in each.
+    In model ``k`` the true pose is the estimated one moved by ``offsets[k]``, plus ``factors[k]`` times an error by the
+    covariance of the pose, plus a normal error of covariance ``covariances[k]``.
+
+    Attributes:
+        weights: probabilities of the models ``(K,)``.
+        factors: factors on the standard deviations of the pose ``(K,)``.
+        offsets: means of the errors, part frame ``(K, 6)`` [m, rad].
+        covariances: covariances of the errors about them ``(K, 6, 6)``.
+    """
+
+    weights: FloatArray
+    factors: FloatArray
+    offsets: Tangents
+    covariances: Covariances
+
+    @classmethod
+    def none(cls) -> PoseMoves:
+        """Return one model without further errors."""
+        return cls(np.ones(1), np.ones(1), np.zeros((1, 6)), np.zeros((1, 6, 6)))
+
+    def plus(self, covariance: Covariances) -> PoseMoves:
+        """Return the same models with a further error.
+
+        Args:
+            covariance: covariance of the further error ``(6, 6)``.
+        """
+        return replace(self, covariances=self.covariances + covariance)
+
+    def widen(self, covariance: Covariances) -> Covariances:
+        """Return the mean square error of the pose over all models ``(6, 6)``.
+
+        Args:
+            covariance: covariance of the pose in the model without unstated errors ``(6, 6)``.
+        """
+        square = float(self.weights @ self.factors**2)
+        off = np.einsum("k,ki,kj->ij", self.weights, self.offsets, self.offsets)
+        return np.asarray(square * covariance + np.tensordot(self.weights, self.covariances, 1) + off)
+
+
+def unstated_moves(points: ContactPoints, one: GoodnessOfFit, errors: Sequence[UnstatedError]) -> PoseMoves:
+    """Return the errors of the pose by unstated errors of the measurements.
+
+    The pose stays that of the model without these errors, as for a consider parameter (Schmidt 1966). Its error is that
+    of models with errors of several sizes, weighted by their evidence (Hoeting et al. 1999). All models are linear at
+    the maximum, and the noise scale is integrated in each.
 
     Args:
-        covariance: covariance of the pose without these errors ``(6, 6)``.
         points: the measurements.
         one: the mode.
         errors: the errors with the prior of their sizes.
     """
     if not errors or not one.inliers.any():
-        return covariance
+        return PoseMoves.none()
     mode, at, scale = one.mode, one.at, one.misfit()
     root = np.sqrt(at.inlier_probability[0]) * one.per_stated_sd
     J, residuals = _derivatives(points, one) * root[:, None], -at.distances[0] * root
@@ -132,12 +175,12 @@ def with_unstated_errors(
     logs = np.array([
         log + sum(np.log(share) for _, share in sizes) for sizes, (log, *_) in zip(choices, found, strict=True)
     ])  # fmt: skip
-    weights = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
-    out = np.zeros((6, 6))
-    for weight, (_, square, mean, spread) in zip(weights, found, strict=True):
-        off = gain @ mean
-        out += weight * (square / plain[1] * covariance + gain @ spread @ gain.T + np.outer(off, off))
-    return out
+    return PoseMoves(
+        np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum(),
+        np.sqrt([square / plain[1] for _, square, _, _ in found]),
+        np.array([gain @ mean for *_, mean, _ in found]),
+        np.array([gain @ spread @ gain.T for *_, spread in found]),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

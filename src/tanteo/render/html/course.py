@@ -72,7 +72,7 @@ def _step_list(session: Session) -> Html:
 
 def _line(step: Step, names: Sequence[str]) -> Html:
     action, best = step.action, int(np.argmax(step.probabilities))
-    question = "Not requested" if action is None else f"{action.face} of {action.part}"
+    question = "Not requested" if action is None else action.aim
     after = f"{names[best]} {percent(float(step.probabilities[best]))}"
     sd = f", largest corner sd {uncertain(step.corner_sd)}" if np.isfinite(step.corner_sd) else ""
     reason = "" if action is None else f". {action.reason.message}"
@@ -130,7 +130,7 @@ def _rows(session: Session, added: Sequence[Added]) -> Html:
         (
             str(n),
             _listed(step.ids) or "known already",
-            "not requested" if step.action is None else f"{step.action.face} of {step.action.part}",
+            "not requested" if step.action is None else step.action.aim,
             _listed(tuple(dict.fromkeys(one.faces))),
             *(_share(step.probabilities[k]) for k in shown),
             _share(step.unknown),

@@ -142,7 +142,7 @@ def next_primitives(now: Snapshot) -> list[Primitive]:
     end = a.origin + a.expected * a.direction
     return [
         Arrow("next", a.origin, end, colors.INK, 0.01 * now.size, "next"),
-        Label("next label", f"next: {a.face} of {a.part}", (a.origin + end) / 2, "next"),
+        Label("next label", f"next: {a.aim}", (a.origin + end) / 2, "next"),
     ]
 
 

@@ -200,7 +200,7 @@ def step_line(now: Snapshot) -> str:
         now: session at one moment.
     """
     step = now.steps[-1]
-    target = "" if step.action is None else f"{step.action.face} of {step.action.part}"
+    target = "" if step.action is None else step.action.aim
     best = int(np.argmax(step.probabilities))
     name = now.names[best] if step.part >= 0 else ""
     probability, sd = float(step.probabilities[best]), float(step.corner_sd)

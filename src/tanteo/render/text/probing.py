@@ -25,7 +25,7 @@ def turn_line(action: Action, distance: float | None, step: Step | None, leader:
         leader: name of the most probable part after the reading.
         note: remarks for the user.
     """
-    words = f"{action.number:3}  {action.face} of {action.part}"
+    words = f"{action.number:3}  {action.aim}"
     if distance is not None and np.isfinite(distance):
         off = 1e3 * (distance - action.expected)
         words += f": hit after {1e3 * distance:.3f} mm, {off:+.3f} mm from the expected distance"

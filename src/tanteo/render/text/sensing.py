@@ -196,7 +196,7 @@ def visit_lines(visit: Visit, *, verbose: bool = False) -> list[str]:
         verbose: whether to add the motions.
     """
     action, step = visit.action, visit.step
-    words = f"{action.number:3}  {visit.seconds:6.1f} s {visit.travel:6.2f} m  {action.face} of {action.part}"
+    words = f"{action.number:3}  {visit.seconds:6.1f} s {visit.travel:6.2f} m  {action.aim}"
     if step is not None and len(step.ids):
         count = "1 reading" if len(step.ids) == 1 else f"{len(step.ids)} readings"
         words += f", {count}: {_state(visit)}"

@@ -14,6 +14,9 @@ _LESSENED = {
     "tip offset": ", or turn the hand more between readings",
     "mounting": ", or turn the hand more between readings",
     "bias": ", or sense from more sides, opposite ones best",
+    "unstated scale": "; if the machine is accurate, state it (--scale-sd 10ppm), or put the origin near the part",
+    "unstated drift": "; if the machine does not drift, state it (--drift-sd 1um)",
+    "unstated form": "; if the part is not bent, state it (--warp-sd 1um)",
     "unstated": "; state what is known, such as --robot, --scale-sd 10ppm, --drift-sd or --warp-sd",
     "scale": ", or sense from nearer, or from opposite sides",
 }
