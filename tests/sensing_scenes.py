@@ -240,9 +240,9 @@ def carried_out(found, target, start, sd, rng, *, assumed=False):
     return float(np.linalg.norm(np.einsum("kij,kj->ki", places.across, moved), axis=1).max())
 
 
-def new_session(start, probe=LASER, policy="information", seed=0, **stop):
+def new_session(start, probe=LASER, policy="information", seed=0, errors=(), **stop):
     """Return a session whose sensor has the noise of its probe."""
-    sensing = Sensing(sd=float(probe.law.const))
+    sensing = Sensing(sd=float(probe.law.const), shared_errors=errors)
     return Session(start, probe, sensing, policy_named(policy), Stop(**stop), seed)
 
 

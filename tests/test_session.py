@@ -10,6 +10,7 @@ import pytest
 
 from bare_scenes import SENSORS, beams, nees, no_paths, scene
 from sensing_scenes import (
+    EXACT_MACHINE,
     LASER,
     drawn_truth,
     give_any_readings,
@@ -32,7 +33,6 @@ from tanteo.posterior import PosePrior, Priors, prepare
 from tanteo.recognition import identify
 from tanteo.render.html import headline
 from tanteo.sensors import Readings, concatenate
-from tanteo.sensors.error_states import Drift, Form, Scale
 from tanteo.sensors.presets import NoiseLaw
 from tanteo.words import percent
 from tanteo.words.findings import ChosenByUser, ReadingLimit, RepeatMisfit
@@ -492,8 +492,7 @@ def test_centres_of_a_ball_are_given_as_to_identify(targets, bias_sd):
     )
     session.tell(readings)
     priors = Priors(pose=PosePrior(np.eye(4), C), noise_factor=1.0)
-    exact = Scale(1e-9), Drift(1e-9), Form(1e-9)  # a session is about the machine that senses, whose frame is exact
-    expected = identify(readings, [targets[0].part], sd=2e-5, bias_sd=bias_sd, priors=priors, shared_errors=exact).best
+    expected = identify(readings, [targets[0].part], sd=2e-5, bias_sd=bias_sd, priors=priors).best
     given = session.answer().best
     apart = SE3.log(SE3.inverse(expected.T_world_part) @ given.T_world_part)
     np.testing.assert_array_less(
@@ -597,7 +596,7 @@ def test_a_moved_part_is_reported(targets):
 def test_a_reading_that_not_fit_is_made_once_more_and_settles_it(targets, of_the_object):
     """Two readings are off: outliers of the sensor the first time only; a part that is only like it is off again."""
     start, rng, wrong = rough(targets), np.random.default_rng(12), []
-    session, again = new_session(start, tolerance=1e-3, max_measurements=21), 0
+    session, again = new_session(start, errors=EXACT_MACHINE, tolerance=1e-3, max_measurements=21), 0
     while isinstance(action := session.ask(), Action):
         distance = true_range(targets[0], start.Ts[0], action) + 3e-4 * rng.normal()
         repeated = any(np.array_equal(action.origin, s.action.origin) for s in session.steps)

@@ -13,13 +13,13 @@ import numpy.typing as npt
 
 from tanteo.defaults import SIGNIFICANCE, TIP_SD, TOP, WIDE_TIP_SD
 from tanteo.errors import InputError
-from tanteo.factors import PoseFactor, as_contact_points, as_free_rays
+from tanteo.factors import FreeRays, PoseFactor, as_contact_points, as_free_rays
 from tanteo.factors.factor import KINDS, numbered_landmarks
 from tanteo.geometry.limits import check_length
 from tanteo.geometry.typing import FloatArray
 from tanteo.parts import Part, part_named
 from tanteo.parts.readers import as_part
-from tanteo.posterior import DEFAULTS, Answer, PosePrior, Priors, Problem, identify_points, sized
+from tanteo.posterior import DEFAULTS, Answer, PosePrior, Priors, Problem, identify_points, prepare, sized
 from tanteo.posterior.answers import STATED, check_question, with_elapsed
 from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.convention_checks import about_conventions
@@ -145,18 +145,25 @@ def identify(
     priors = _with_noise_factor(priors, readings, sensor, stated_sd, unstated)
     placed = priors is not None and priors.pose is not None
     first_tip, (of_surface, own_sd) = tip_sd, made_surface(tolerance)
+
+    def measured_with(tip_sd: npt.ArrayLike | None, of_surface: Sequence[ErrorState]) -> PointMeasurements:
+        return measure(
+            readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig,
+            shared_errors=(*shared_errors, *of_surface),
+        )  # fmt: skip
+
+    def answer_of(measured: PointMeasurements) -> tuple[Answer, FreeRays]:
+        points = as_contact_points(measured, own_sd, readings.ranges.take(measured.rows))
+        rays = as_free_rays(measured, own_sd)
+        all_factors = (*factors, *_factors(views, measured.points, parts, priors))
+        return identify_points(
+            points, rays, parts, shared=measured.shared, significance=significance, top=top, priors=priors,
+            factors=all_factors, seed=seed, settings=settings, unstated=measured.unstated,
+        ), rays  # fmt: skip
+
     for wider in (False, True):
         tip_sd = np.full(3, WIDE_TIP_SD) if wider else first_tip
-        measured = measure(
-            readings,
-            sensor=sensor,
-            robot=robot,
-            sd=sd,
-            tip_sd=tip_sd,
-            bias_sd=bias_sd,
-            rig=rig,
-            shared_errors=(*shared_errors, *([] if as_published else of_surface)),
-        )
+        measured = measured_with(tip_sd, () if as_published else of_surface)
         if as_published:
             from tanteo.paper import identify_labelled_as_published
 
@@ -164,19 +171,20 @@ def identify(
                 measured, parts, tolerance=tolerance, significance=significance, top=top, seed=seed, placed=placed,
                 seconds=time.perf_counter() - start,
             )  # fmt: skip
-        points = as_contact_points(measured, own_sd, readings.ranges.take(measured.rows))
-        rays = as_free_rays(measured, own_sd)
         elapsed = time.perf_counter() - start
-        all_factors = (*factors, *_factors(views, measured.points, parts, priors))
-        answer = identify_points(
-            points, rays, parts, shared=measured.shared, significance=significance, top=top, priors=priors,
-            factors=all_factors, seed=seed, settings=settings, unstated=measured.unstated,
-        )  # fmt: skip
+        answer, rays = answer_of(measured)
         if not assumed:
             break
         tip = _tip_estimate(answer, measured, WIDE_TIP_SD if wider else TIP_SD)
         if answer.status != "unknown" and not _is_contradicted(tip):
             break
+    if of_surface and answer.best is not None:  # its pose tells faces of one plane apart
+        part = prepare(part_named(parts, answer.best.part))
+        faces = part.faces_of_readings(measured, len(readings), answer.best.T_world_part)
+        apart = measured_with(tip_sd, made_surface(tolerance, faces)[0])
+        if apart.stacked()[0].shape != measured.stacked()[0].shape:
+            measured = apart
+            answer, rays = answer_of(measured)
     if unstated is not None and answer.best is not None:
         answer = _with_estimated_noise(answer, unstated, measured.rounding)
     if assumed:

@@ -11,7 +11,7 @@ from scipy.special import entr
 from scipy.stats import binom
 
 from bare_scenes import SENSORS, no_paths, scene
-from sensing_scenes import displaced_faces, log_densities, made_session, off, rough, sense_made
+from sensing_scenes import EXACT_MACHINE, displaced_faces, log_densities, made_session, off, rough, sense_made
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
 from tanteo.planning import Stop, at_place, begin, update
@@ -130,6 +130,33 @@ def test_where_the_posterior_is_not_normal_draws_decide():
     assert bent[0]
     assert chance_within(state, 1e-6) == 0.0
     assert chance_within(here, 1e-6) == pytest.approx(state.weights[drawn][bent[drawn]].sum())
+
+
+def test_the_pose_of_a_casting_divides_its_planes():
+    """The tops beside the slot are one plane of readings, and two faces."""
+    target, rng = prepare(read_part(PARTS / "t_slot.step")), np.random.default_rng(3)
+    session, T = made_session(target, 2e-4, rng, tolerance=5e-4, max_measurements=12)
+    sense_made(session, target, T, displaced_faces(target, 2e-4, rng), rng)
+    alone, divided = (
+        session.sensing.touches(session.readings, session.probe, state)[0].shared_jacobian.shape[2]
+        for state in (None, session.state)
+    )
+    assert divided > alone
+    assert session.state.touches.shared_jacobian.shape[2] >= divided - 1
+
+
+def test_assumed_errors_take_from_the_goal():
+    """Without a stated scale error, drift and warp the same readings give less, by the covariance of the answer."""
+    target, goal = prepare(read_part(PARTS / "wedge.step")), 3e-4
+    rng, place = np.random.default_rng(5), {"at": (0.4, 0.3, 0.0), "tolerance": goal, "max_measurements": 30}
+    exact, T = made_session(target, 0.0, rng, errors=EXACT_MACHINE, **place)
+    assert sense_made(exact, target, T, displaced_faces(target, 0.0, rng), rng).reached
+    usual, _ = made_session(target, 0.0, np.random.default_rng(5), errors=(), **place)
+    step = usual.tell(exact.readings)
+    np.testing.assert_allclose(step.covariance, usual.answer().best.covariance, rtol=1e-3, atol=1e-12)
+    assert step.within < exact.steps[-1].within - 0.02
+    assert usual.stop.left_for_noise(usual.state) < 0.95 * goal
+    assert exact.stop.left_for_noise(exact.state) == pytest.approx(goal, rel=0.01)
 
 
 @pytest.mark.slow

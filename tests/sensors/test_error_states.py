@@ -195,10 +195,23 @@ def test_an_offset_of_the_sides_does_not_move_the_top(block):
     assert outside_with_stock_on_the_sides(block, shared_errors=(Offset(2e-3, common=True),)) >= 4
 
 
-def face_columns(points, directions, **columns):
+def face_columns(points, directions, faces=(), **columns):
     readings = tanteo.Readings.from_columns(points, directions=directions, sds=np.full(len(points), 5e-5), **columns)
-    (J,) = measure(readings, shared_errors=(FaceOffset(2e-4),)).jacobians
+    (J,) = measure(readings, shared_errors=(FaceOffset(2e-4, faces),)).jacobians
     return J
+
+
+def test_faces_of_one_plane_have_separate_offsets(rng):
+    """Two bosses in one plane: the readings alone do not tell them apart, their faces do; a label does not divide."""
+    points = np.c_[rng.uniform(-0.01, 0.01, (12, 2)), np.zeros(12)]
+    faces = np.arange(12) % 2
+    points[:, 0] += 0.05 * faces
+    down = np.tile([0.0, 0.0, -1.0], (12, 1))
+    assert face_columns(points, down).shape[2] == 1
+    J = face_columns(points, down, tuple(map(int, faces)))
+    assert J.shape[2] == 2
+    np.testing.assert_allclose(J[:, 2], -np.eye(2)[faces])
+    assert face_columns(points, down, tuple(map(int, faces)), features=["top"] * 12).shape[2] == 1
 
 
 def test_touches_of_a_plane_share_one_offset(rng):

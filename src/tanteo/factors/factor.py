@@ -355,6 +355,23 @@ class CommonErrors:
     states: int
 
 
+def leaf_columns(factors: Sequence[Any], first: int) -> dict[int, list[int]]:
+    """Return the columns of the shared errors of each factor, by its ``id``; those of groups have columns of their own.
+
+    Args:
+        factors: pose factors of one posterior.
+        first: index of the first error.
+    """
+    out = dict[int, list[int]]()
+    for factor, (own, common) in zip(factors, state_columns(factors, first)[0], strict=True):
+        if groups := factor.alternatives():
+            out |= leaf_columns([one for group in groups for one in group], own)
+        else:
+            shared = 0 if factor.common is None else factor.common.states
+            out[id(factor)] = [*range(own, own + factor.states), *range(common, common + shared)]
+    return out
+
+
 def state_columns(factors: Sequence[Any], first: int) -> tuple[list[tuple[int, int]], int]:
     """Return where the shared errors of factors are: first the errors of each factor, then common errors once.
 

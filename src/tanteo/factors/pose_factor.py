@@ -42,6 +42,10 @@ class PoseFactor(ABC):
         """Return poses of a part from which the search starts ``(K, 4, 4)``; empty for most factors."""
         return np.zeros((0, 4, 4))
 
+    def alternatives(self) -> tuple[tuple[PoseFactor, ...], ...]:
+        """Return groups of factors of which exactly one applies; empty for most factors."""
+        return ()
+
     @abstractmethod
     def term(self, part: Part, first: int, common: int = 0) -> _core.PoseTerm:
         """Compile the factor for one part.

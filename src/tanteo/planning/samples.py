@@ -87,7 +87,11 @@ def draw(state: SensingState, count: int, tolerance: float | None = None, featur
     kept = np.where(many, _KEPT, 1.0)[:, None, None] * C
     Ts = state.poses[mode] @ SE3.exp(moved)
     kept, Ts = _from_draws(state, alive, counts, kept, Ts)
-    useful = np.stack([_useful(state, int(k), tolerance, feature) for k in alive]) if len(alive) else C
+    useful = (
+        np.stack([useful_covariance(state, int(k), state.covariances[k], tolerance, feature) for k in alive])
+        if len(alive)
+        else C
+    )
     return Samples(state.start.targets, state.part[mode], mode, Ts, kept, (w / counts)[which], C, useful[which])
 
 
@@ -109,12 +113,20 @@ def _from_draws(
     return kept, Ts
 
 
-def _useful(state: SensingState, k: int, tolerance: float | None, feature: str | None) -> Covariances:
-    """Return ``C - (C^-1 + W)^-1`` of mode ``k``, where ``W`` is the information that just achieves the tolerance.
+def useful_covariance(
+    state: SensingState, k: int, C: Covariances, tolerance: float | None, feature: str | None
+) -> Covariances:
+    """Return the part of a covariance of a mode's pose whose removal has a value: ``C - (C^-1 + W)^-1``.
 
-    Motions that displace none of the points do not count.
+    ``W`` is the information that just achieves the tolerance. Motions that displace none of the points do not count.
+
+    Args:
+        state: posterior of the session.
+        k: index of the mode.
+        C: covariance of its pose ``(6, 6)``.
+        tolerance: tolerance of the part's corners [m], beyond which accuracy has no value; None for all accuracy.
+        feature: feature to which the tolerance applies instead; None for the corners.
     """
-    C = state.covariances[k]
     if tolerance is None:
         return C
     J = places_of(state.target(k).part, feature).moves

@@ -7,20 +7,21 @@ has the formula.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tanteo import _core
-from tanteo.factors import PoseFactor
-from tanteo.factors.factor import state_columns
+from tanteo.factors import ContactPoints, FreeRays, PoseFactor
+from tanteo.factors.factor import leaf_columns, state_columns
 from tanteo.geometry import SE3
 from tanteo.geometry.special import log_sum
-from tanteo.geometry.typing import FloatArray, Transforms
+from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Part
 from tanteo.posterior.answers.part_motions import part_scale, symmetry_motions
-from tanteo.posterior.problem import PoseMixture
+from tanteo.posterior.problem import PoseMixture, Problem
+from tanteo.posterior.sampling.modes import Mode
 from tanteo.posterior.settings import DEFAULTS
 
 
@@ -120,8 +121,42 @@ class Alternatives(PoseFactor):
         """Return the poses of a part that any factor suggests ``(K, 4, 4)``."""
         return np.concatenate([factor.poses(part) for group in self.groups for factor in group])
 
+    def alternatives(self) -> tuple[tuple[PoseFactor, ...], ...]:
+        """Return the groups of factors."""
+        return self.groups
+
     def term(self, part: Part, first: int, common: int = 0) -> _core.PoseTerm:
         """Compile the mixture for one part; shared errors follow one another, group by group."""
         at = iter(state_columns(self._factors, first)[0])
         groups = [[factor.term(part, *next(at)) for factor in group] for group in self.groups]
         return _core.alternatives(groups, np.ascontiguousarray(self.log_weights, dtype=np.float64))
+
+
+def first_applies(problem: Problem, modes: Sequence[Mode]) -> BoolArray:
+    """Return flags of the modes at which the first group of each mixture is the most probable one ``(M,)``.
+
+    Args:
+        problem: problem of the modes.
+        modes: modes of its posterior.
+    """
+    flags = np.ones(len(modes), dtype=np.bool_)
+    columns = leaf_columns(problem.pose_factors, problem.points.shared_jacobian.shape[2])
+    for factor in problem.pose_factors:
+        if not isinstance(factor, Alternatives):
+            continue
+        for k, mode in enumerate(modes):
+            logs = factor.log_weights + [_log_density(group, problem, mode, columns) for group in factor.groups]
+            flags[k] &= int(np.argmax(logs)) == 0
+    return flags
+
+
+def _log_density(
+    group: tuple[PoseFactor, ...], problem: Problem, mode: Mode, columns: Mapping[int, list[int]]
+) -> float:
+    """Return the log density of a group of factors alone at a mode, with the prior of its shared errors."""
+    alone = Problem(ContactPoints.none(), FreeRays.none(), problem.priors, pose_factors=group)
+    z = np.zeros((1, alone.states))
+    for one, places in leaf_columns(group, 0).items():
+        z[0, places] = mode.z[columns[one]]
+    part = mode.prepared
+    return float(_core.log_densities(part.shape, alone.compiled(part), np.ascontiguousarray(mode.T_peak[None]), z)[0])

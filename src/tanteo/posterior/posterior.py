@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tanteo.factors.factor import leaf_columns
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.posterior.candidate_pruning import Unsearched, prune
@@ -15,7 +16,7 @@ from tanteo.posterior.near_variants import log_density_of_near_variant
 from tanteo.posterior.part_search import PartSearch, common_random_numbers, start_search
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
-from tanteo.posterior.proposals import InitialPoses
+from tanteo.posterior.proposals import BITS, InitialPoses
 from tanteo.posterior.sampling.modes import Mode, modes_of
 from tanteo.posterior.sampling.peaks import Objective, Peaks, log_missed
 from tanteo.posterior.sampling.sampler import Sampler
@@ -110,10 +111,37 @@ def posterior_of_factors(problem: Problem, parts: Sequence[PreparedPart], log_pr
         log_priors: log of the prior of each part ``(P,)``.
     """
     rng = np.random.default_rng(0)
-    poses = [np.concatenate([one.poses(part.part) for one in problem.pose_factors]) for part in parts]
-    searches = search_about(problem, list(zip(parts, poses, strict=True)), rng)
+    searches = search_about(problem, [(part, _suggested(problem, part)) for part in parts], rng)
+    for search in searches:
+        _add_maxima_of_groups(search, rng)
     anywhere = float(np.log(problem.priors.unknown)) + problem.log_factors_unknown
     return weigh(problem, searches, log_priors, anywhere, rng)
+
+
+def _suggested(problem: Problem, part: PreparedPart) -> Transforms:
+    """Return the poses of a part that its factors suggest ``(K, 4, 4)``."""
+    return np.concatenate([one.poses(part.part) for one in problem.pose_factors])
+
+
+def _add_maxima_of_groups(search: PartSearch, rng: np.random.Generator) -> None:
+    """Maximize from the maxima of each group of a factor alone, with its shared errors.
+
+    The errors are zero at a suggested pose. There another group may be more probable, although it is not at the
+    maximum: two images agree only if the error of their camera is estimated.
+    """
+    objective, problem = search.objective, search.objective.problem
+    own, known = problem.points.shared_jacobian.shape[2], problem.pose_factors
+    columns = leaf_columns(known, own)
+    for k, factor in enumerate(known):
+        for group in factor.alternatives():
+            alone = replace(problem, pose_factors=(*known[:k], *group, *known[k + 1 :]))
+            part = objective.prepared
+            peaks = search_about(alone, [(part, _suggested(alone, part))], rng)[0].peaks
+            zs = np.zeros((len(peaks), problem.states))
+            for one, places in leaf_columns(alone.pose_factors, own).items():
+                zs[:, columns[one]] = peaks.zs[:, places]
+            found = objective.maximize(peaks.Ts, zs, np.full(len(peaks), (1 << BITS) - 1), fine=True)
+            search.peaks = objective.merged(search.peaks, found, search.settings.maximized)
 
 
 def weigh(

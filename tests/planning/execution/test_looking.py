@@ -11,6 +11,7 @@ import pytest
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.hand import Workspace
+from tanteo.hand.motion import go_to
 from tanteo.io import read_record, read_scene, scenes, write_record
 from tanteo.io.scenes.hand_camera import HandCamera
 from tanteo.parts import read_part
@@ -83,6 +84,33 @@ def test_a_session_takes_views_with_a_reason(made):
     assert answer.best.part == "bracket_left"
     assert done.end.reached
     assert scenes.least_clearance(scene, robot) > 0
+
+
+def test_two_views_and_their_camera_keep_the_part(made):
+    """Two images agree only with an error of the camera on the hand; the prior pose does not win before it is found."""
+    scene, start, *_ = made
+    session, robot, rules = scenes.session_of(scene, start, Stop(tolerance=3e-3))
+    made = scene, start, session, robot, rules
+    eyes = HandCamera(scene, robot, start.targets, start)
+    session.restart(eyes.photograph())
+    here, first = robot.sensed.T_world_hand, session.state.weights[0]
+    view = next_view(session.state, scene.hand, eyes.eye, space_of(made), here, 0.2, [here])
+    go_to(robot, view.T_world_hand, rules)
+    session.restart(eyes.photograph())
+    further = next_view(
+        session.state,
+        scene.hand,
+        eyes.eye,
+        space_of(made),
+        here,
+        0.2,
+        [here, view.T_world_hand],
+        session.stop.tolerance,
+    )
+    assert first > 0.9
+    assert session.state.weights[0] > 0.9
+    assert np.sqrt(np.diag(session.state.covariances[0])[:3]).max() < 5e-3
+    assert further.gain < 1  # the pose is within the goal, and no image tells whether all show another object
 
 
 def test_a_record_with_views_replays(made, tmp_path):

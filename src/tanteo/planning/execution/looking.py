@@ -13,13 +13,16 @@ from typing import Protocol
 
 import numpy as np
 
+from tanteo.fitting.localization import pose_information
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Covariances, Transforms, Vectors
 from tanteo.hand import Hand
 from tanteo.planning.execution.possible import FreeSpace
+from tanteo.planning.samples import useful_covariance
 from tanteo.planning.start import Start
 from tanteo.planning.state import SensingState
 from tanteo.posterior import box_corners
+from tanteo.posterior.alternatives import first_applies
 from tanteo.vision import Camera, prepare_vision
 from tanteo.vision.camera import Mounting
 from tanteo.vision.expected import expected_information
@@ -101,8 +104,13 @@ def next_view(
     here: Transforms,
     speed: float,
     taken: Sequence[Transforms] = (),
+    tolerance: float | None = None,
+    feature: str | None = None,
 ) -> NextView:
     """Return the view with the most expected information per second.
+
+    Accuracy beyond the tolerance has no value, as for readings. Hypotheses by which earlier images show another object
+    are not compared: another image would show it, too.
 
     Args:
         state: posterior of the session.
@@ -112,12 +120,24 @@ def next_view(
         here: present pose of the hand ``(4, 4)``.
         speed: speed of the hand [m/s].
         taken: poses of the hand of earlier views; views near them are excluded.
+        tolerance: tolerance of the part's corners, or of the feature [m]; None for all accuracy.
+        feature: feature to which the tolerance applies; None for the corners.
     """
-    modes = np.flatnonzero(state.weights >= _LEAST)
+    shown = np.ones(len(state.weights), dtype=np.bool_)
+    if state.posterior is not None:
+        shown = first_applies(state.posterior.problem, state.modes)
+    modes = np.flatnonzero((state.weights >= _LEAST) & shown)
     modes = modes[np.argsort(-state.weights[modes], kind="stable")][:_MODES]
     if not len(modes):
         return NextView(here, 0.0, _SHUTTER)
-    hypotheses = [(prepare_vision(state.target(int(k)).part), state.poses[k], state.covariances[k]) for k in modes]
+    hypotheses = [
+        (
+            prepare_vision(state.target(k).part),
+            state.poses[k],
+            useful_covariance(state, k, _at_maximum(state, k), tolerance, feature),
+        )
+        for k in map(int, modes)
+    ]
     corners = np.concatenate([SE3.apply(T, box_corners(model.part)) for model, T, _ in hypotheses])
     excluded, best = Counter[str](), NextView(here, 0.0, _SHUTTER)
     for Ts in _hands(eye, 0.5 * (corners.min(axis=0) + corners.max(axis=0)), corners, here):
@@ -133,6 +153,7 @@ def next_view(
             excluded[OUT_OF_REACH] += 1
             continue
         gain, share = expected_information(hypotheses, state.weights[modes], eye.camera_at(within[0]))
+        gain *= float(state.weights[modes].sum())
         if share <= 0:
             excluded[NOTHING] += 1
             continue
@@ -140,6 +161,17 @@ def next_view(
         if gain / seconds > best.gain / best.seconds:
             best = NextView(within[0], gain, seconds)
     return NextView(best.T_world_hand, best.gain, best.seconds, dict(excluded))
+
+
+def _at_maximum(state: SensingState, k: int) -> Covariances:
+    """Return the covariance of a mode's pose about its maximum, if its samples reach farther ``(6, 6)``.
+
+    Those of an image reach as far as the prior pose, because the image may show another object.
+    """
+    C = state.covariances[k]
+    if not state.modes or state.modes[k].normal:
+        return C
+    return np.asarray(np.linalg.inv(np.linalg.inv(C) + pose_information(state.modes[k].information)))
 
 
 def _same_direction(eye: Eye, T_world_hand: Transforms, other: Transforms) -> bool:

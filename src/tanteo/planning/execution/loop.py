@@ -187,7 +187,10 @@ class _Run:
         session, hand, here = self.session, self.robot.hand, self.robot.sensed.T_world_hand
         possible, speed = PossiblePoses.of(session.state), _TRAVEL * self.rules.speed
         space = FreeSpace(hand.body, self.rules.workspace, possible, self.rules.clearance, reach=self.reach)
-        found = next_view(session.state, hand, self.eyes.eye, space, here, speed, self.taken)
+        left = session.stop.left_for_noise(session.state)
+        found = next_view(
+            session.state, hand, self.eyes.eye, space, here, speed, self.taken, left, session.stop.feature
+        )
         front = SE3.apply(here, hand.front)
         seconds = session.probe.seconds + float(np.linalg.norm(action.origin - front)) / speed
         if found.gain < _LEAST_VIEW or found.gain / found.seconds <= action.gain / seconds:

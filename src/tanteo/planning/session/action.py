@@ -99,8 +99,8 @@ class Action(Value):
             what = f"acquire {self.face} of {self.part} as a {self.acquires}"
             return f"From ({x:.1f}, {y:.1f}, {z:.1f}) mm in the world: {what}. {self.reason.message}"
         return (
-            f"From ({x:.1f}, {y:.1f}, {z:.1f}) mm along ({dx:.3f}, {dy:.3f}, {dz:.3f}) in the world: {self.aim} is expected "
-            f"after {1e3 * self.expected:.1f} mm. {self.reason.message}"
+            f"From ({x:.1f}, {y:.1f}, {z:.1f}) mm along ({dx:.3f}, {dy:.3f}, {dz:.3f}) in the world: {self.aim} is "
+            f"expected after {1e3 * self.expected:.1f} mm. {self.reason.message}"
         )
 
     def read(
