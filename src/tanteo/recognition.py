@@ -178,7 +178,7 @@ def identify(
         tip = _tip_estimate(answer, measured, WIDE_TIP_SD if wider else TIP_SD)
         if answer.status != "unknown" and not _is_contradicted(tip):
             break
-    if of_surface and answer.best is not None:  # its pose tells faces of one plane apart
+    if of_surface and answer.best is not None:  # its pose distinguishes faces of one plane
         part = prepare(part_named(parts, answer.best.part))
         faces = part.faces_of_readings(measured, len(readings), answer.best.T_world_part)
         apart = measured_with(tip_sd, made_surface(tolerance, faces)[0])

@@ -202,7 +202,7 @@ def face_columns(points, directions, faces=(), **columns):
 
 
 def test_faces_of_one_plane_have_separate_offsets(rng):
-    """Two bosses in one plane: the readings alone do not tell them apart, their faces do; a label does not divide."""
+    """Two bosses in one plane: the readings alone do not distinguish them, their faces do; a label does not divide."""
     points = np.c_[rng.uniform(-0.01, 0.01, (12, 2)), np.zeros(12)]
     faces = np.arange(12) % 2
     points[:, 0] += 0.05 * faces

@@ -110,7 +110,7 @@ def test_two_views_and_their_camera_keep_the_part(made):
     assert first > 0.9
     assert session.state.weights[0] > 0.9
     assert np.sqrt(np.diag(session.state.covariances[0])[:3]).max() < 5e-3
-    assert further.gain < 1  # the pose is within the goal, and no image tells whether all show another object
+    assert further.gain < 1  # the pose is within the goal, and no image decides whether all show another object
 
 
 def test_a_record_with_views_replays(made, tmp_path):

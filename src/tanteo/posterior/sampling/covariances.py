@@ -62,7 +62,7 @@ def common_tolerance(points: ContactPoints, one: GoodnessOfFit) -> tuple[Covaria
     """Return the covariance that deviations within faces add, with shared errors estimated and given.
 
     The estimate weights points as if their deviations of sd ``tolerance`` were independent. A made face is not flat:
-    it bends and tilts, so near points deviate alike. For that estimator a smooth deviation of each face with
+    it bends and tilts, so near points have similar deviations. For that estimator a smooth deviation of each face with
     correlation ``R`` adds ``A^-1 J' W (R - I) W J A^-1`` to the covariance ``(6, 6)``. The correlation length is half
     of the extent of the points on the face. The first is with the shared errors estimated beside the pose, the second
     with these known.
