@@ -1,9 +1,11 @@
+from . import alternatives as alternatives
 from . import answers as answers
 from . import candidate_pruning as candidate_pruning
 from . import candidates as candidates
 from . import convention_checks as convention_checks
 from . import details as details
 from . import detections as detections
+from . import dominant_error as dominant_error
 from . import equal_parts as equal_parts
 from . import findings as findings
 from . import fit_at_mode as fit_at_mode
@@ -37,7 +39,6 @@ from .answers.seen_outline import SeenOutline as SeenOutline
 from .answers.status import verdict as verdict
 from .answers.whole_object import WholeObject as WholeObject
 from .diagnostics import face_elsewhere as face_elsewhere
-from .dominant_error import dominant_shared_error as dominant_shared_error
 from .features import identify_features as identify_features
 from .icp_refinement import refine_poses as refine_poses
 from .part_search import PartSearch as PartSearch
@@ -55,7 +56,6 @@ from .problem import Problem as Problem
 from .recognition import identify_points as identify_points
 from .result import as_hypothesis as as_hypothesis
 from .result import worst_reading as worst_reading
-from .sampling.covariances import mode_covariances as mode_covariances
 from .sampling.modes import Mode as Mode
 from .settings import DEFAULTS as DEFAULTS
 from .stable_poses import OnTable as OnTable

@@ -10,9 +10,10 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.parts import Surface
-from tanteo.posterior import DEFAULTS, Answer, Hypothesis, Misfit, Mode, Status, mode_covariances, verdict
+from tanteo.posterior import DEFAULTS, Answer, Hypothesis, Misfit, Mode, Status, verdict
 from tanteo.posterior.answers import hypothesis_at
 from tanteo.posterior.fit_at_mode import goodness_of_fit
+from tanteo.posterior.sampling.covariances import mode_covariances
 from tanteo.vision.image_edges import ImageEdges, standing, sums_of
 from tanteo.vision.models import VisionModel
 from tanteo.vision.posterior import ImagePosterior

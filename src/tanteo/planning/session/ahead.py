@@ -14,9 +14,8 @@ from tanteo.planning.probe import Probe
 from tanteo.planning.session.values import Sensing
 from tanteo.planning.shared import SharedAhead
 from tanteo.planning.state import SensingState
-from tanteo.posterior import dominant_shared_error
 from tanteo.posterior.answers import corner_sd, observed_covariance
-from tanteo.posterior.dominant_error import unstated_errors_limit
+from tanteo.posterior.dominant_error import dominant_shared_error, unstated_errors_limit
 from tanteo.posterior.fit_at_mode import goodness_of_fit
 from tanteo.posterior.sampling.covariances import unstated_moves
 from tanteo.sensors import Column, PointMeasurements, Readings, concatenate

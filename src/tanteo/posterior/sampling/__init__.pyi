@@ -1,4 +1,5 @@
 from . import control_variate as control_variate
+from . import covariances as covariances
 from . import modes as modes
 from . import peaks as peaks
 from . import sampler as sampler
