@@ -9,7 +9,7 @@ from scipy.special import ndtr
 
 from tanteo.errors import InputError
 from tanteo.vision import find_edges
-from tanteo.vision.edges import image_noise, map_edges
+from tanteo.vision.edges import image_noise, map_edges, noise_by_level
 from tanteo.vision.settings import EDGES
 
 
@@ -98,6 +98,27 @@ def test_noise_is_measured_beside_texture_and_slopes():
     assert image_noise(image) == pytest.approx(3.0, rel=0.03)
     image[60:120, 60:120] += 40 * (((x + y) // 4) % 2)[60:120, 60:120]
     assert image_noise(image) == pytest.approx(3.0, rel=0.15)
+
+
+def test_bright_surfaces_with_more_noise_have_no_more_edges():
+    rng = np.random.default_rng(9)
+    level = np.full((240, 320), 70.0)
+    level[60:180, 80:220] = 180.0
+    noise = np.where(level > 100, 5.0, 1.5) * rng.normal(size=level.shape)
+    # the noise of cameras is shared by neighbours, by the interpolation of colours
+    image = cv2.GaussianBlur(level, (0, 0), 0.7) + cv2.GaussianBlur(noise, (0, 0), 0.6)
+    edges = find_edges(np.rint(image))
+    inside = np.all((edges.pixels > [90, 70]) & (edges.pixels < [210, 170]), axis=1)
+    assert inside.sum() < 5
+    outline = np.abs(np.abs(edges.pixels - [149.5, 119.5]) - [70, 60]).min(axis=1) < 1
+    assert 500 < outline.sum() < 540
+
+
+def test_noise_by_brightness_is_one_if_it_is_constant():
+    rng = np.random.default_rng(10)
+    image = np.linspace(60, 200, 320) + rng.normal(0, 2.0, (240, 320))
+    ratio = noise_by_level(image, np.ones(image.shape, dtype=bool))
+    assert np.abs(ratio - 1).max() < 0.2
 
 
 @pytest.mark.parametrize("noise", [0.0, 1.0, 6.0])

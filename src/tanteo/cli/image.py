@@ -13,11 +13,12 @@ from tanteo import io
 from tanteo.cli.misuse import MisuseError
 from tanteo.cli.printing import complain, print_text
 
-_INEXACT = 1.0
-"""Rms residual of marks above which the fit is poor [px]."""
+INEXACT = 1.0
+"""Rms residual of marks or corners of a board above which the fit is poor [px]."""
 
 if TYPE_CHECKING:
     from tanteo.geometry.typing import Vectors
+    from tanteo.io.poses.hand_eye_file import HandPose
     from tanteo.posterior import SeenOutline, Table
     from tanteo.vision import View
 
@@ -134,34 +135,19 @@ def _read_view(image: str, camera: str, marks: str | None, options: Cameras, is_
         words = (
             f"Camera{f' of {image}' if is_one_of_many else ''} fitted to {len(fit.offs)} marks, {fit.rms:.2f} px rms"
         )
-        off = f"; number {worst + 1} is {fit.offs[worst]:.1f} px off." if fit.rms > _INEXACT else "."
+        off = f"; number {worst + 1} is {fit.offs[worst]:.1f} px off." if fit.rms > INEXACT else "."
         print_text(words + off, sys.stderr)
     return View(pixels, taken, on_table=not options.no_table)
 
 
 def _on_hand(views: Sequence[View], images: Sequence[str], options: Cameras) -> list[View]:
     """Return images with the poses of their cameras, which follow from those of the hand."""
-    from tanteo.io.poses.hand_eye_file import camera_on_hand, read_hand_poses, read_mounting
+    from tanteo.io.poses.hand_eye_file import camera_on_hand, read_mounting
     from tanteo.sensors.presets import robot_preset
 
     assert options.hand_poses is not None
     assert options.hand_eye is not None
-    poses = read_hand_poses(options.hand_poses)
-    names = [pose.image for pose in poses]
-    if all(names):
-        by_name = dict(zip(map(_stem, names), poses, strict=True))
-        missing = [image for image in images if _stem(image) not in by_name]
-        if missing or len(by_name) < len(poses):
-            raise MisuseError(
-                f"--hand-poses: expected one row for each image, got {', '.join(names)} for {', '.join(images)}. "
-                "Correct the column image."
-            )
-        poses = tuple(by_name[_stem(image)] for image in images)
-    elif len(poses) != len(images):
-        raise MisuseError(
-            f"--hand-poses: expected one row for each image ({len(images)}), got {len(poses)}. Add a column image with "
-            "the names of the files, or drop rows."
-        )
+    poses = hand_poses_of(images, options.hand_poses)
     sds = 0.0, 0.0
     if options.robot is not None:
         # the absolute error of a robot differs from pose to pose, so that it is independent for each image
@@ -180,6 +166,38 @@ def _on_hand(views: Sequence[View], images: Sequence[str], options: Cameras) -> 
         replace(view, camera=camera_on_hand(view.camera, mounting, pose, sds))
         for view, pose in zip(views, poses, strict=True)
     ]
+
+
+def hand_poses_of(images: Sequence[str], path: str) -> tuple[HandPose, ...]:
+    """Return the pose of the hand at which each image was taken.
+
+    Args:
+        images: image files.
+        path: table of the poses, whose column ``image`` names the files; without it rows have the order of the images.
+
+    Raises:
+        MisuseError: the rows are not those of the images.
+        InputError: the table cannot be read.
+    """
+    from tanteo.io.poses.hand_eye_file import read_hand_poses
+
+    poses = read_hand_poses(path)
+    names = [pose.image for pose in poses]
+    if all(names):
+        by_name = dict(zip(map(_stem, names), poses, strict=True))
+        missing = [image for image in images if _stem(image) not in by_name]
+        if missing or len(by_name) < len(poses):
+            raise MisuseError(
+                f"--hand-poses: expected one row for each image, got {', '.join(names)} for {', '.join(images)}. "
+                "Correct the column image."
+            )
+        return tuple(by_name[_stem(image)] for image in images)
+    if len(poses) != len(images):
+        raise MisuseError(
+            f"--hand-poses: expected one row for each image ({len(images)}), got {len(poses)}. Add a column image with "
+            "the names of the files, or drop rows."
+        )
+    return poses
 
 
 def _stem(path: str) -> str:

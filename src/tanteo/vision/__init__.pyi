@@ -1,4 +1,5 @@
 from . import answers as answers
+from . import boards as boards
 from . import camera as camera
 from . import candidates as candidates
 from . import circles as circles

@@ -2,7 +2,7 @@
 
 An edge is a maximum of the gradient of the smoothed image along the gradient (Canny 1986), placed between pixels by a
 parabola through the logarithm along it: exact for a straight step that a Gaussian blurs. Its variance is that of the
-parabola's top under the image's own noise, which is measured in the image (Immerkaer 1996).
+parabola's top under the image's own noise, which is measured in the image (Immerkaer 1996) as a function of brightness.
 """
 
 from __future__ import annotations
@@ -16,6 +16,10 @@ from tanteo.geometry import freeze
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
 from tanteo.vision.camera import opencv
 from tanteo.vision.settings import EDGES, EVIDENCE, SPACING
+
+_INTERVALS, _ENOUGH = 16, 2000
+"""Numerical: intervals of the brightness in which the noise is estimated, and pixels that give it to a tenth: smoothed
+noise has an independent value in 18 pixels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,8 +35,8 @@ class EdgePoints:
             zero for a lone straight step, large near another edge, a corner or a bend [px].
         contrasts: gradients in standard deviations of their noise ``(n,)``.
         widths: standard deviations of the Gaussian that blurs each step, smoothing included ``(n,)`` [px].
-        noise: standard deviation of one pixel of the image by independent noise with the same effect as noise and
-            texture [grey levels].
+        noise: standard deviation of one pixel of most of the image by independent noise with the same effect as noise
+            and texture [grey levels].
         shape: rows and columns of the image.
     """
 
@@ -91,6 +95,37 @@ def image_noise(image: FloatArray) -> float:
     return max(float(np.median(response)) / (0.6745 * 6.0), 1 / np.sqrt(12))
 
 
+def noise_by_level(image: FloatArray, flat: BoolArray) -> FloatArray:
+    """Return the noise of gradients at each pixel over that of most of the image, as a function of the brightness.
+
+    Photons are counted, so that bright pixels have more noise (Foi and others 2008, Practical Poissonian-Gaussian noise
+    modeling and fitting for single-image raw data, IEEE Trans. Image Processing 17(10)); exposure, gamma, interpolation
+    of colours and saturation make any function of it. The differences between gradients of two smoothed images have no
+    slow shading. Their medians in intervals of the brightness are interpolated. Intervals with few pixels, or most of
+    whose pixels are at edges, are excluded.
+
+    Args:
+        image: grey levels ``(rows, columns)``.
+        flat: pixels without an edge ``(rows, columns)``.
+    """
+    cv2 = opencv()
+    level = cv2.GaussianBlur(image, (0, 0), EDGES.coarser, borderType=cv2.BORDER_REPLICATE)
+    fine, coarse = _gradient(image), _gradient(image, EDGES.coarser)
+    size = np.hypot(fine[0] - coarse[0], fine[1] - coarse[1])
+    order = np.argsort(level, axis=None, kind="stable")
+    borders = np.searchsorted(level.ravel()[order], np.linspace(level.min(), level.max(), _INTERVALS + 1)[1:-1])
+    least = (
+        float(np.sqrt(2 * np.log(2) / 12)) * _SLOPE
+    )  # median of gradients by the rounding to whole levels (Rayleigh)
+    usual = float(np.hypot(np.median(size[flat]), least)) if flat.any() else least
+    pairs = []
+    for rows in np.split(order, borders):
+        own = rows[flat.ravel()[rows]]
+        if len(own) > max(_ENOUGH, len(rows) / 2):
+            pairs.append((level.ravel()[own].mean(), np.hypot(np.median(size.ravel()[own]), least) / usual))
+    return np.asarray(np.interp(level, *np.array(pairs).T)) if pairs else np.ones(image.shape)
+
+
 def find_edges(image: FloatArray) -> EdgePoints:
     """Find the edge points of an image.
 
@@ -107,16 +142,19 @@ def find_edges(image: FloatArray) -> EdgePoints:
     noise = image_noise(image)
     # a tenth of the pixels shows no edge of an object: noise that neighbours share, or texture (Rayleigh's quantile)
     texture = float(np.quantile(size[3:-3, 3:-3], 0.1)) / float(np.sqrt(-2 * np.log(0.9)) * _SLOPE)
-    strong = max(EDGES.strong * noise, EDGES.weak * texture) * _SLOPE
+    highest = max(EDGES.strong * noise, EDGES.weak * texture) * _SLOPE
     noise = texture if texture > EDGES.textured * noise else noise
-    slope_sd, top_sd, bend_sd = noise * _SLOPE, noise * _TOP, noise * _BEND
+    ratio = noise_by_level(image, size < EDGES.strong * noise * _SLOPE)
+    local = np.maximum(noise * ratio, 1 / np.sqrt(12))
+    strong = highest * ratio
     least = EDGES.least_step / (np.sqrt(2 * np.pi) * np.hypot(EDGES.smoothing, 0.7))
-    rows, columns = _maxima(gx, gy, size, max(strong / 2, least))
-    kept = _lasting(image.shape, rows, columns, size[rows, columns] > max(strong, 2 * least))
+    rows, columns = _maxima(gx, gy, size, np.maximum(strong / 2, least))
+    kept = _lasting(image.shape, rows, columns, (size > np.maximum(strong, 2 * least))[rows, columns])
     rows, columns = rows[kept], columns[kept]
+    slope_sd, top_sd, bend_sd = (local[rows, columns] * gain for gain in (_SLOPE, _TOP, _BEND))
     g = size[rows, columns]
     normals = np.stack([gx[rows, columns], gy[rows, columns]], axis=-1) / g[:, None]
-    slope, curvature = _along(np.log(np.maximum(size, 1e-3 * slope_sd)), rows, columns, normals)
+    slope, curvature = _along(np.log(np.maximum(size, 1e-3 * noise * _SLOPE)), rows, columns, normals)
     # a maximum that is flat on the grid has no place
     curvature = np.minimum(curvature, -1e-2)
     shift = np.clip(-slope / curvature, -0.75, 0.75)
@@ -161,10 +199,10 @@ def _noise_gains() -> tuple[float, float, float]:
 _SLOPE, _TOP, _BEND = _noise_gains()
 
 
-def _maxima(gx: FloatArray, gy: FloatArray, size: FloatArray, least: float) -> tuple[IntArray, IntArray]:
+def _maxima(gx: FloatArray, gy: FloatArray, size: FloatArray, least: FloatArray) -> tuple[IntArray, IntArray]:
     """Return rows and columns of the pixels whose gradient is a maximum along its direction."""
     inner = np.zeros(size.shape, dtype=np.bool_)
-    inner[3:-3, 3:-3] = size[3:-3, 3:-3] > least
+    inner[3:-3, 3:-3] = (size > least)[3:-3, 3:-3]
     rows, columns = np.nonzero(inner)
     g = size[rows, columns]
     nx, ny = gx[rows, columns] / g, gy[rows, columns] / g

@@ -20,8 +20,9 @@ from tanteo.vision.settings import EDGES, NEWTON_STEPS, SEARCH
 NUMBERS = ("cx", "cy", "Pxx", "Pyy", "Pxy")
 """Definition: numbers of an ellipse, in the order of its covariance."""
 
-_STEPS, _DONE = 40, 1e-9
-"""Numerical: limit of the Levenberg-Marquardt steps, which end before, and squared length of the last step [sd^2]."""
+_STEPS, _DONE = 20, 1e-6
+"""Numerical: limit of the Levenberg-Marquardt steps, which end before, and squared length of the last step, in
+variances of the ellipse by the scatter of its points."""
 
 FEWEST = len(NUMBERS) + 1
 """Least number of points of a fit: one more than the ellipse has numbers."""
@@ -106,12 +107,22 @@ def fit_ellipse(
     _check(pixels, sds)
     weights = share / (sds**2 + EDGES.floor**2)
     x = _fit(pixels, weights, _start(pixels))
-    if blur:
-        for _ in range(2):
-            _, normals, radii = _feet(pixels, x)
-            x = _fit(pixels + (0.5 * blur**2 / radii)[:, None] * normals, weights, x)
+    ellipse = _judged(pixels, weights, share, common, x)  # most arcs are refused, before their blur is corrected
+    if not blur:
+        return ellipse
+    for _ in range(2):
         _, normals, radii = _feet(pixels, x)
-        pixels = pixels + (0.5 * blur**2 / radii)[:, None] * normals
+        x = _fit(pixels + (0.5 * blur**2 / radii)[:, None] * normals, weights, x)
+    _, normals, radii = _feet(pixels, x)
+    return _judged(pixels + (0.5 * blur**2 / radii)[:, None] * normals, weights, share, common, x)
+
+
+def _judged(pixels: FloatArray, weights: FloatArray, share: float, common: float, x: FloatArray) -> Ellipse:
+    """Return the ellipse with the numbers ``x`` and its covariance.
+
+    Raises:
+        DegenerateError: the points do not determine the ellipse.
+    """
     t, normals, _ = _feet(pixels, x)
     J = _derivatives(t, normals)
     off = _offsets(pixels, x, t, normals)
@@ -161,7 +172,7 @@ def _start(pixels: FloatArray) -> FloatArray:
 
 def _fit(pixels: FloatArray, weights: FloatArray, x: FloatArray) -> FloatArray:
     """Return the numbers of the ellipse that fits best, by Levenberg-Marquardt on the distances."""
-    cost, damping = np.inf, 1e-3
+    damping, done = 1e-3, _DONE / max(len(pixels) - len(NUMBERS), 1)
     t, normals, _ = _feet(pixels, x)
     off = _offsets(pixels, x, t, normals)
     cost = float(weights @ off**2)
@@ -179,7 +190,7 @@ def _fit(pixels: FloatArray, weights: FloatArray, x: FloatArray) -> FloatArray:
         if new > cost * (1 + 1e-12):
             damping *= 10
             continue
-        small = float(step @ A @ step) < _DONE
+        small = float(step @ A @ step) < max(_DONE, done * new)
         x, t, normals, off, cost, damping = tried, t_new, n_new, off_new, new, damping * 0.2
         if small:
             return x

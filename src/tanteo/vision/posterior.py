@@ -17,7 +17,19 @@ from tanteo.geometry import SE3
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.posterior import Mode, OnTable, PartSearch, Posterior, Priors, Problem, prepare, search_about, sized, weigh
+from tanteo.posterior import (
+    DEFAULTS,
+    Mode,
+    OnTable,
+    PartSearch,
+    Posterior,
+    Priors,
+    Problem,
+    prepare,
+    search_about,
+    sized,
+    weigh,
+)
 from tanteo.vision.image_edges import ImageEdges, Sums, sums_of
 from tanteo.vision.models import VisionModel
 from tanteo.vision.settings import EVIDENCE
@@ -205,8 +217,11 @@ def infer(
     known = float(np.log1p(-problem.priors.unknown))
     prior = known - float(np.log(count))
     evidence = np.array([search.log_evidence + prior for search in searches])
+    anywhere = float(np.log(problem.priors.unknown)) + unknown
+    least = float(log_sum([anywhere, *evidence])) + float(np.log(DEFAULTS.samples.region))
+    likely = [s for s, own in zip(searches, evidence, strict=True) if own > least or own == evidence.max()]
     found = weigh(
-        problem, searches, np.full(len(searches), prior), float(np.log(problem.priors.unknown)) + unknown,
+        problem, likely, np.full(len(likely), prior), anywhere,
         np.random.default_rng(_SEED), log_left_out=log_left_out(evidence, unknown + known),
     )  # fmt: skip
     modes, log_evidence = _weighed(images, found, lying, prior)

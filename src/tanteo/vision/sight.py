@@ -227,12 +227,29 @@ def shot_of(view: View, parts: Sequence[Any], T_world_table: Transforms, errors:
     chance = chance_hits(points)
     regions = find_regions(view.pixels, points, chance)
     bare = bare_table(hulls(regions)) if regions else np.ones(points.shape, dtype=np.bool_)
+    regions = _alone(regions, points, chance)
     errors = seen_table(errors, camera, T_world_table)
     if view.ignore is not None:
         regions = tuple(one for one in regions if (one.mask & view.ignore).sum() <= 0.5 * one.mask.sum())
     edges = map_edges(points)
     costs = edge_costs(edges, chance)
     return Shot(camera, T_camera_table, errors, points, edges, chance, tuple(regions), bare, costs)
+
+
+def _alone(regions: Sequence[Region], points: EdgePoints, chance: FloatArray) -> tuple[Region, ...]:
+    """Return the regions without those of few rare edges inside the outline of a larger one, which proposes for them.
+
+    Args:
+        regions: regions of the image, largest first.
+        points: edge points of the image.
+        chance: probability of a random edge like each ``(n,)``.
+    """
+    kept: list[Region] = []
+    for region in regions:
+        rare = edge_information(points, chance, dilated(region.mask)) >= EVIDENCE.least_object
+        if rare or not kept or not np.all(hulls(kept)[region.mask]):
+            kept.append(region)
+    return tuple(kept)
 
 
 def in_others(sight: Sight, others: Sequence[tuple[Camera, EdgePoints]]) -> tuple[Sight, ...]:

@@ -1,6 +1,7 @@
 #include "image/image_edge.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -101,28 +102,85 @@ EdgeMatch match_edge(const Lens& lens, const EdgePoints& points, const EdgeSampl
     return match;
 }
 
-std::vector<char> foremost(const std::vector<EdgePlace>& all, double cosine) {
-    std::vector<char> out(all.size(), 1);
-    for (size_t i = 0; i < all.size(); ++i)
-        for (size_t j = 0; j < all.size() && out[i]; ++j) {
-            const EdgePlace &a = all[i], &b = all[j];
-            if (a.group == b.group || !(a.off > b.off)) continue;
-            const double x = a.x - b.x, y = a.y - b.y, width = std::max(a.width, b.width);
-            out[i] = !(x * x + y * y < width * width && std::fabs(a.nx * b.nx + a.ny * b.ny) > cosine);
+namespace {
+
+// Places by cells of a grid, to compare each with those nearby only.
+class PlaceGrid {
+  public:
+    // reach: distance along each axis up to which two places are compared [px]
+    PlaceGrid(const std::vector<EdgePlace>& all, double reach) : all(all) {
+        double right = -1e300, bottom = -1e300;
+        for (const EdgePlace& p : all) {
+            left = std::min(left, p.x), right = std::max(right, p.x);
+            top = std::min(top, p.y), bottom = std::max(bottom, p.y);
         }
+        cell = std::max({reach, (right - left) / MOST, (bottom - top) / MOST, 1e-9});
+        for (const EdgePlace& p : all) {
+            ++starts[cell_of(p.x, left) + WIDE * cell_of(p.y, top) + 1];
+            columns = std::max(columns, cell_of(p.x, left)), rows = std::max(rows, cell_of(p.y, top));
+        }
+        for (int k = 0; k < WIDE * WIDE; ++k) starts[k + 1] += starts[k];
+        std::array<int, WIDE * WIDE + 1> next = starts;
+        order.resize(all.size());
+        for (size_t k = 0; k < all.size(); ++k) order[next[cell_of(all[k].x, left) + WIDE * cell_of(all[k].y, top)]++] = k;
+    }
+
+    template <class Test>
+    bool any_near(const EdgePlace& a, const Test& test) const {
+        const int x = cell_of(a.x, left), y = cell_of(a.y, top);
+        for (int row = std::max(y - 1, 0); row <= std::min(y + 1, rows); ++row) {
+            const int first = starts[std::max(x - 1, 0) + WIDE * row], last = starts[std::min(x + 1, columns) + WIDE * row + 1];
+            for (int k = first; k < last; ++k)
+                if (test(all[order[k]])) return true;
+        }
+        return false;
+    }
+
+  private:
+    static constexpr int MOST = 30, WIDE = MOST + 2;
+    int cell_of(double at, double from) const { return static_cast<int>((at - from) / cell); }
+
+    const std::vector<EdgePlace>& all;
+    std::array<int, WIDE * WIDE + 1> starts{};
+    std::vector<size_t> order;
+    double left = 1e300, top = 1e300, cell = 1;
+    int columns = 0, rows = 0;
+};
+
+double widest(const std::vector<EdgePlace>& all) {
+    double width = 0;
+    for (const EdgePlace& p : all) width = std::max(width, p.width);
+    return width;
+}
+
+}  // namespace
+
+std::vector<char> foremost(const std::vector<EdgePlace>& all, double cosine) {
+    const PlaceGrid grid(all, widest(all));
+    std::vector<char> out(all.size(), 1);
+    for (size_t i = 0; i < all.size(); ++i) {
+        const EdgePlace& a = all[i];
+        out[i] = !grid.any_near(a, [&](const EdgePlace& b) {
+            if (a.group == b.group || !(a.off > b.off)) return false;
+            const double x = a.x - b.x, y = a.y - b.y, width = std::max(a.width, b.width);
+            return x * x + y * y < width * width && std::fabs(a.nx * b.nx + a.ny * b.ny) > cosine;
+        });
+    }
     return out;
 }
 
 std::vector<char> ambiguous_places(const std::vector<EdgePlace>& all, double gap, double cosine) {
-    const auto near = [&](const EdgePlace& a, const EdgePlace& b) {
-        if (a.group == b.group && std::fabs(a.nx * b.nx + a.ny * b.ny) >= cosine) return false;
-        const double x = a.x - b.x, y = a.y - b.y, across = x * b.nx + y * b.ny;
-        const double beyond = std::sqrt(std::max(x * x + y * y - across * across, 0.0)) - 0.5 * b.width;
-        return across * across + (beyond > 0 ? beyond * beyond : 0.0) < gap * gap;
-    };
+    const PlaceGrid grid(all, gap + 0.5 * widest(all));
     std::vector<char> out(all.size());
-    for (size_t i = 0; i < all.size(); ++i)
-        for (size_t j = 0; j < all.size() && !out[i]; ++j) out[i] = near(all[i], all[j]);
+    for (size_t i = 0; i < all.size(); ++i) {
+        const EdgePlace& a = all[i];
+        out[i] = grid.any_near(a, [&](const EdgePlace& b) {
+            if (a.group == b.group && std::fabs(a.nx * b.nx + a.ny * b.ny) >= cosine) return false;
+            const double x = a.x - b.x, y = a.y - b.y, across = x * b.nx + y * b.ny;
+            const double beyond = std::sqrt(std::max(x * x + y * y - across * across, 0.0)) - 0.5 * b.width;
+            return across * across + (beyond > 0 ? beyond * beyond : 0.0) < gap * gap;
+        });
+    }
     return out;
 }
 

@@ -2,16 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 namespace tanteo {
 
 namespace {
 
 constexpr size_t EVALUATED = 40;  // positions for each kept pose; adjacent ones are then removed
-
-struct Drawing {
-    std::vector<int64_t> drawn, inner;  // cells of the tables, relative to the cell of the position
-};
 
 // Cell of a pixel in the tables, relative to the cell of the centre. Pixels beyond the margin, or not in front of the
 // camera, are at the end of the margin.
@@ -23,8 +20,9 @@ int64_t cell_of(const SlideTables& t, const Pixel& pixel, const Pixel& centre, i
     return (channel * t.rows + along(pixel.y - centre.y)) * t.columns + along(pixel.x - centre.x);
 }
 
-Drawing draw(const EdgeFrame& frame, const Lens& lens, const Pose& pose, const Vec3& middle,
-             const std::vector<Vec3>& points, const SlideTables& tables, int samples) {
+// Cells of edge samples at even distances along the visible edges, relative to the cell of the position.
+std::vector<int64_t> draw(const EdgeFrame& frame, const Lens& lens, const Pose& pose, const Pixel& centre,
+                          const SlideTables& tables, int samples) {
     const auto at = [&](const Vec3& p) { return project(lens, pose.R * p + pose.t); };
     const size_t N = frame.size();
     std::vector<char> shown(N), rims(N);
@@ -41,27 +39,52 @@ Drawing draw(const EdgeFrame& frame, const Lens& lens, const Pose& pose, const V
         total += shown[k] && span > 0 ? span : 0;
         upto[k] = total;
     }
-    const Pixel centre = at(middle);
-    Drawing out;
+    std::vector<int64_t> out;
     for (int k = 0; k < samples && N; ++k) {
         const auto next = std::lower_bound(upto.begin(), upto.end(), (k + 0.5) / samples * total);
         const size_t n = std::min<size_t>(next - upto.begin(), N - 1);
-        out.drawn.push_back(cell_of(tables, pixels[n], centre, tables.channels.of(-along[n].y, along[n].x)));
+        out.push_back(cell_of(tables, pixels[n], centre, tables.channels.of(-along[n].y, along[n].x)));
     }
-    for (const Vec3& p : points) out.inner.push_back(cell_of(tables, at(p), centre, 0));
     return out;
 }
 
-// Sum of a table at offsets from a cell; stops beyond a limit.
-template <class Sum, class T>
-double sum_under(const T* from, const std::vector<int64_t>& offsets, double limit) {
-    const auto at = [&](size_t k) { return static_cast<Sum>(from[offsets[k]]); };
-    Sum sum = 0;
-    size_t k = 0;
-    for (; k + 8 <= offsets.size() && sum <= limit; k += 8)  // eight independent loads
-        sum += ((at(k) + at(k + 1)) + (at(k + 2) + at(k + 3))) + ((at(k + 4) + at(k + 5)) + (at(k + 6) + at(k + 7)));
-    for (; k < offsets.size() && sum <= limit; ++k) sum += at(k);
+// Sum of a table at offsets from a cell.
+template <class T>
+double sum_under(const T* from, const std::vector<int64_t>& offsets) {
+    double sum = 0;
+    for (const int64_t offset : offsets) sum += from[offset];
     return sum;
+}
+
+// Sums of a table at offsets from each of so many cells of a row, side by side.
+void sums_along(const uint16_t* from, const std::vector<int64_t>& offsets, size_t cells, std::vector<uint16_t>& sums) {
+    sums.assign(cells, 0);
+    for (const int64_t offset : offsets) {
+        const uint16_t* row = from + offset;
+        for (size_t c = 0; c < cells; ++c) sums[c] += row[c];
+    }
+}
+
+// Consecutive positions of one row of cells.
+struct Run {
+    size_t first, count;
+    int64_t from;  // cell of the first position
+    size_t cells;
+};
+
+std::vector<Run> runs_of(const std::vector<int64_t>& from, const std::vector<Pixel>& places) {
+    constexpr int64_t LONGEST = 256;  // cells whose sums stay in the nearest cache
+    std::vector<Run> runs;
+    for (size_t k = 0; k < places.size(); ++k) {
+        const int64_t along = runs.empty() ? -1 : from[k] - runs.back().from;
+        if (along >= 0 && along < LONGEST && places[k].y == places[k - 1].y) {
+            ++runs.back().count;
+            runs.back().cells = std::max(runs.back().cells, static_cast<size_t>(along) + 1);
+        } else {
+            runs.push_back({k, 1, from[k], 1});
+        }
+    }
+    return runs;
 }
 
 bool cheaper(const Slid& a, const Slid& b) {
@@ -121,20 +144,51 @@ std::vector<Slid> slid(const EdgeFrame& frame, const Lens& lens, const std::vect
                        const SlideRules& rules) {
     std::vector<int64_t> from;
     for (const Pixel& p : places) from.push_back(tables.cell_of(p));
+    const std::vector<Run> runs = runs_of(from, places);
+    // whole numbers whose sums over all samples fit into 16 bits rank the positions; the best ones are evaluated exactly
+    const int64_t size = tables.channels.count() * tables.rows * tables.columns;
+    std::vector<uint16_t> costs, on_table(tables.bare, tables.bare + tables.rows * tables.columns);
+    double highest = 1e-9;
+    for (int64_t k = 0; k < size; ++k) highest = std::max<double>(highest, tables.distances[k]);
+    const double scale = std::max(std::floor(65535.0 / rules.samples), 1.0) / highest;
+
     Cheapest cheapest(EVALUATED * rules.keep);
+    const size_t tested = std::max<size_t>(inner.size(), 1);
+    std::vector<std::vector<int64_t>> drawings(yaws.size()), surfaces(yaws.size());
+    std::vector<uint16_t> bare, far;
     for (size_t yaw = 0; yaw < yaws.size(); ++yaw) {
-        const Drawing drawing = draw(frame, lens, yaws[yaw], centre, inner, tables, rules.samples);
-        const double drawn = std::max<size_t>(drawing.drawn.size(), 1), tested = std::max<size_t>(inner.size(), 1);
-        for (size_t place = 0; place < places.size(); ++place) {
-            const double limit = cheapest.limit() * (1 + 1e-9), most = std::min(rules.most, limit / rules.penalty);
-            const double share = sum_under<int>(tables.bare + from[place], drawing.inner, most * tested) / tested;
-            if (!(share < most)) continue;
-            const double left = (limit - rules.penalty * share) * drawn;
-            const double far = sum_under<double>(tables.distances + from[place], drawing.drawn, left) / drawn;
-            cheapest.add({static_cast<int>(yaw), static_cast<int>(place), far + rules.penalty * share});
+        const auto at = [&](const Vec3& p) { return project(lens, yaws[yaw].R * p + yaws[yaw].t); };
+        const Pixel middle = at(centre);
+        for (const Vec3& p : inner) surfaces[yaw].push_back(cell_of(tables, at(p), middle, 0));
+        std::vector<int64_t>& drawn = drawings[yaw];  // for the first position that is not on bare table: visibility is slow
+        for (const Run& run : runs) {
+            sums_along(on_table.data() + run.from, surfaces[yaw], run.cells, bare);
+            const auto on_bare = [&](size_t k) { return double(bare[from[run.first + k] - run.from]) / tested; };
+            size_t k = 0;
+            while (k < run.count && !(on_bare(k) < rules.most)) ++k;
+            if (k == run.count) continue;
+            if (costs.empty()) {
+                costs.resize(size);
+                for (int64_t c = 0; c < size; ++c) costs[c] = static_cast<uint16_t>(std::max(0.0f, tables.distances[c]) * scale + 0.5);
+            }
+            if (drawn.empty()) drawn = draw(frame, lens, yaws[yaw], middle, tables, rules.samples);
+            sums_along(costs.data() + run.from, drawn, run.cells, far);
+            const double unit = 1 / (scale * std::max<size_t>(drawn.size(), 1));
+            for (; k < run.count; ++k) {
+                const double cost = unit * far[from[run.first + k] - run.from] + rules.penalty * on_bare(k);
+                if (on_bare(k) < rules.most && cost < cheapest.limit())
+                    cheapest.add({static_cast<int>(yaw), static_cast<int>(run.first + k), cost});
+            }
         }
     }
-    return apart(cheapest.sorted(), places, static_cast<int>(yaws.size()), rules);
+    std::vector<Slid> best = cheapest.sorted();
+    for (Slid& one : best) {
+        const std::vector<int64_t>& drawn = drawings[one.yaw];
+        one.cost = sum_under(tables.distances + from[one.place], drawn) / std::max<size_t>(drawn.size(), 1) +
+                   rules.penalty * sum_under(tables.bare + from[one.place], surfaces[one.yaw]) / tested;
+    }
+    std::sort(best.begin(), best.end(), cheaper);
+    return apart(best, places, static_cast<int>(yaws.size()), rules);
 }
 
 }  // namespace tanteo

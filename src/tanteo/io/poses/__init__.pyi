@@ -1,3 +1,4 @@
+from . import board_text as board_text
 from . import detections_file as detections_file
 from . import hand_eye_file as hand_eye_file
 from .pose_syntax import parse_pose as parse_pose
