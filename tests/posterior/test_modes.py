@@ -135,3 +135,20 @@ def test_later_rounds_start_from_other_points(parts):
         used.append(set(search.objective.rows.tolist()))
         assert set(search.pairs.ravel().tolist()) <= used[-1]
     assert len(set.union(*used)) > 20
+
+
+def test_a_normal_density_that_the_samples_do_not_cover_is_no_control(parts):
+    """Ends of faces cut a density far within its curvature: components are narrow, and their samples give the mass."""
+    target, rng = prepare(parts["bracket_left"]), np.random.default_rng(7)
+    p, normals = surface_points(target, 400, rng)
+    rows = np.flatnonzero(np.abs(normals[:, 1]) < 0.3)[:14]  # nothing but the ends of faces stops a slide along y
+    touches = touches_of(SE3.apply(box_centred_pose(rng), p[rows]) + 1e-4 * rng.normal(size=(14, 3)), 1e-4)
+    search = part_search.start_search(
+        Problem(touches, no_paths(), Priors(radius=target.part.radius)), target, np.random.default_rng(0)
+    )
+    search.restart()
+    sampler = Sampler(search.objective, search.peaks.take(np.zeros(1, dtype=np.int64)), rng, 0.0)
+    sampler.covariances *= 0.01
+    sampler.sample(np.array([300]))
+    top = float(sampler.log_weights.max())
+    assert sampler.masses()[0][0] == pytest.approx(top + np.log(sampler.weights(top).sum()), abs=1e-6)

@@ -237,6 +237,9 @@ class Sampler:
         outside = own[~np.isfinite(self.log_weights)].sum()
         if outside > self.settings.min_probability * own.sum():  # a box ends in the region
             return ControlVariate.alone(weights, self.settings)
+        gate = self.objective.problem.settings.search.gate
+        if own.sum() + gate * float(np.sqrt(own @ own)) < np.exp(mass):  # the samples do not cover the normal density
+            return ControlVariate.alone(weights, self.settings)
         factor = min(float(weights @ own) / max(float(own @ own), 1e-300), 1.0)
         both = ControlVariate(weights, factor * own, factor * float(np.exp(mass)), gaps, self.settings)
         enough = both.mass > self.settings.min_fraction * weights.sum()
