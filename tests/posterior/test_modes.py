@@ -137,7 +137,7 @@ def test_later_rounds_start_from_other_points(parts):
     assert len(set.union(*used)) > 20
 
 
-def test_a_normal_density_that_the_samples_do_not_cover_is_no_control(parts):
+def test_a_density_that_samples_do_not_cover_is_no_control(parts):
     """Ends of faces cut a density far within its curvature: components are narrow, and their samples give the mass."""
     target, rng = prepare(parts["bracket_left"]), np.random.default_rng(7)
     p, normals = surface_points(target, 400, rng)
