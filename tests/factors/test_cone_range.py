@@ -128,6 +128,28 @@ def test_gradients_are_differences(block, response):
     assert np.abs((gradient - numeric) * scale).max() <= slack * max(np.abs(numeric * scale).max(), 50.0)
 
 
+@pytest.mark.parametrize("response", ["ray", "nearest", "mean", "strongest"])
+def test_slopes_by_the_noise_scale_are_differences(block, response):
+    rng = np.random.default_rng(5)
+    sensors = [looking(rng, block.part) for _ in range(6)]
+    ranges = [float(np.nanmin(rays_of(block, s, 500))) + 4e-3 * rng.random() for s in sensors]
+    problem, core = problem_of(block, response, sensors, ranges)
+    z, T, h = np.zeros((1, problem.states)), np.eye(4)[None], np.zeros((1, problem.states))
+    h[0, -1] = 1e-4
+    gradient = np.asarray(_core.slopes(block.shape, core, T, z)[1])[0, -1]
+    up, down = (_core.log_densities(block.shape, core, T, z + step)[0] for step in (h, -h))
+    assert gradient == pytest.approx((up - down) / 2e-4, rel=0.1, abs=0.05)
+
+
+def test_rays_over_an_oblique_face_do_not_fix_its_height(block):
+    frame = SO3.frame_from_axis(np.array([np.sin(0.5), 0, -np.cos(0.5)]), 2)
+    sensor = SE3.from_parts(frame, np.array([0.01, 0.02, 0.03 + 0.05]))
+    hits = rays_of(block, sensor)
+    _, core = problem_of(block, "ray", [sensor], [float(np.median(hits[np.isfinite(hits)]))])
+    information = np.asarray(_core.slopes(block.shape, core, np.eye(4)[None], np.zeros((1, 1)))[2])[0]
+    assert information[2, 2] < 0.1 / SD**2
+
+
 def test_nearest_echoes_find_the_pose_where_thin_beams_fail(block):
     rng = np.random.default_rng(1)
     sensors = [looking(rng, block.part) for _ in range(25)]

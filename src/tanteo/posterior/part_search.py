@@ -17,7 +17,7 @@ from tanteo.posterior.proposals import PROPOSERS, InitialPoses, PriorSamples, Pr
 from tanteo.posterior.proposals.drawn import along_ridge, far_pairs, from_prior
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
 from tanteo.posterior.sampling.peaks import Objective, Peaks, log_missed, prior_sds, scales_for, spread_rows
-from tanteo.posterior.settings import POSE_DOF, Effort, SearchSettings
+from tanteo.posterior.settings import Effort, SearchSettings
 from tanteo.posterior.symmetry import log_orbit
 
 
@@ -177,9 +177,12 @@ class PartSearch:
     def is_noisy(self) -> bool:
         """Return whether the noise scale at the best maximum is notably larger than stated: a better one may be missed.
 
-        The log of a noise scale from points with ``m`` degrees of freedom has a standard deviation of 1 / sqrt(2 m).
+        The log of a noise scale has the information 2 m of m degrees of freedom, less those that fit the pose. Noise
+        that is a small part of the variance, as with a ray of a wide cone, has few of them.
         """
-        freedom = max(float(self.on_the_part().sum()) - POSE_DOF, 1.0)
+        if not self._log_scale() > 0:
+            return False
+        freedom = max((float(self.peaks.information[0, -1, -1]) - 1) / (2 * self._scale_sd**2), 1.0)
         return self._log_scale() > min(self._scale_sd, self.settings.notable_sds / float(np.sqrt(2 * freedom)))
 
     @property

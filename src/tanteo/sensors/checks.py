@@ -222,6 +222,7 @@ def _check_located(readings: Readings) -> None:
             f"reading {who}: expected a point (x, y, z) or a range with sensor and hand pose, got neither. Fill one."
         )
     aimed = (readings.points.given & readings.directions.given & readings.max_ranges.given) | by_rig
+    aimed |= readings.true_distances.given
     if who := _first_bad(readings, readings.is_free & ~aimed):
         raise ReadingsError(
             f"free reading {who}: expected where the beam was (x, y, z, dx, dy, dz and max, or sensor and hand pose), "

@@ -155,6 +155,13 @@ def test_one_known_distance_is_not_enough_for_scale(rig):
     assert "distances that differ more" in found.message
 
 
+def test_known_distances_with_no_target_rows_are_fitted(rig, tmp_path):
+    rows = [f"{int(1e3 * (d - 0.01))},{1e3 * d:.1f},eye" for d in np.linspace(0.05, 0.3, 12)]
+    (tmp_path / "known.csv").write_text("\n".join(["range_mm,true_distance_mm,sensor", "inf,20,eye", *rows]) + "\n")
+    found = calibrate(tanteo.read_readings(tmp_path / "known.csv"), rig=rig)
+    assert found.status == "calibrated"
+
+
 def test_known_distances_do_not_place_a_rig_of_their_own():
     found = calibrate(Readings.from_columns(ranges=[0.1, 0.2, 0.3, 0.4], true_distances=[0.11, 0.21, 0.31, 0.41], n=4))
     with pytest.raises(InputError, match="--rig"):

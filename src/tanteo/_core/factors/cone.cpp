@@ -1,6 +1,7 @@
 #include "factors/cone.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <tuple>
 
@@ -151,7 +152,7 @@ RayPattern::RayPattern(int count) : count(count) {
         places[k] = {radius * std::cos(k * GOLDEN_TURN), radius * std::sin(k * GOLDEN_TURN)};
     }
     std::sort(places.begin(), places.end());
-    for (int k = 0; k < count; ++k) x[k] = places[k].first, y[k] = places[k].second;
+    for (int k = 0; k < count; ++k) x[k] = static_cast<float>(places[k].first), y[k] = static_cast<float>(places[k].second);
     for (int bin = 0, k = 0; bin <= BINS; ++bin) {
         while (k < count && x[k] < 2.0 * bin / BINS - 1) ++k;
         bins[bin] = k;
@@ -198,9 +199,12 @@ Seen::Seen(const Shape& shape, const std::vector<int>& triangles, const Cone& co
         one.normal = {dot(n, u), dot(n, v), dot(n, cone.axis)};
         one.height = -dot(one.normal, at[0]);
         one.depth = (-1 / one.height) * Vec3{slope * one.normal.x, slope * one.normal.y, one.normal.z};
+        for (int i = 0; i < 3; ++i) one.near[i] = static_cast<float>(one.depth[i]);
         for (int k = 0; k < 3; ++k) {
             const Vec3 side = cross(at[k], at[(k + 1) % 3]);
-            one.sides[k] = {slope * side.x, slope * side.y, side.z};
+            const double per = 1 / std::max(std::fabs(side.x) + std::fabs(side.y) + std::fabs(side.z), 1e-300);
+            const double coefficients[3] = {slope * side.x, slope * side.y, side.z};
+            for (int i = 0; i < 3; ++i) one.sides[k][i] = static_cast<float>(per * coefficients[i]);
         }
         one.number = t;
         if (!all.empty() && (shape.faces[t] != shape.faces[all[0].number] || dot(one.normal, all[0].normal) < 1 - 1e-12 ||
@@ -213,41 +217,42 @@ Seen::Seen(const Shape& shape, const std::vector<int>& triangles, const Cone& co
 void Seen::cast(const RayPattern& pattern, bool whole, std::vector<RayHit>& hits) const {
     hits.clear();
     if (all.empty()) return;
-    double nearest[RayPattern::MOST], who[RayPattern::MOST];  // one over the depth; number of the triangle
-    double x[RayPattern::MOST], y[RayPattern::MOST];
-    std::fill_n(nearest, pattern.count, 0.0);
-    std::fill_n(who, pattern.count, -1.0);
+    // in single precision: an error of 1e-7 changes the triangle of a ray on its side only, as the depth is computed again
+    float nearest[RayPattern::MOST], x[RayPattern::MOST], y[RayPattern::MOST];  // nearest: one over the depth
+    int who[RayPattern::MOST];                                                  // number of the triangle
+    std::fill_n(nearest, pattern.count, 0.f);
+    std::fill_n(who, pattern.count, -1);
     double middle[2] = {0, 0}, half[2] = {1, 1};
     for (int i = 0; i < 2 && !whole; ++i) {
         std::tie(middle[i], half[i]) = middle_and_half(i);
         half[i] *= 1.4142135623730951;
     }
     for (int k = 0; k < pattern.count; ++k) {
-        x[k] = middle[0] + half[0] * pattern.x[k];
-        y[k] = middle[1] + half[1] * pattern.y[k];
+        x[k] = static_cast<float>(middle[0] + half[0] * pattern.x[k]);
+        y[k] = static_cast<float>(middle[1] + half[1] * pattern.y[k]);
     }
     for (size_t t = 0; t < all.size(); ++t) {
         // the outer side is towards the origin, so that the corners turn clockwise about the ray
         const Triangle& one = all[t];
-        const Vec3 a = one.sides[0], b = one.sides[1], c = one.sides[2], d = one.depth;
-        const double number = static_cast<double>(t);
+        const std::array<float, 3> a = one.sides[0], b = one.sides[1], c = one.sides[2], d = one.near;
+        const int number = static_cast<int>(t);
         const int end = pattern.end_at((one.most - middle[0]) / half[0]);
         for (int k = pattern.first_from((one.least - middle[0]) / half[0]); k < end; ++k) {
-            const double side = std::max(a.z + a.x * x[k] + a.y * y[k],
-                                         std::max(b.z + b.x * x[k] + b.y * y[k], c.z + c.x * x[k] + c.y * y[k]));
-            const double depth = d.z + d.x * x[k] + d.y * y[k];
-            const double own = side <= 0 ? depth : 0.0;
-            who[k] = own > nearest[k] ? number : who[k];
-            nearest[k] = own > nearest[k] ? own : nearest[k];
+            const float first = a[2] + a[0] * x[k] + a[1] * y[k], second = b[2] + b[0] * x[k] + b[1] * y[k];
+            const float third = c[2] + c[0] * x[k] + c[1] * y[k], depth = d[2] + d[0] * x[k] + d[1] * y[k];
+            const float before = nearest[k];
+            const int known = who[k], hit = (first <= 0) & (second <= 0) & (third <= 0) & (depth > before);
+            nearest[k] = hit ? depth : before;  // no branches, so that compilers make vectors of it
+            who[k] = hit ? number : known;
         }
     }
     const double least = std::max(cone.least_cosine, 1e-3);
     for (int k = 0; k < pattern.count; ++k) {
         if (who[k] < 0 || x[k] * x[k] + y[k] * y[k] > 1) continue;
-        const Triangle& one = all[static_cast<size_t>(who[k])];
+        const Triangle& one = all[who[k]];
         const double a = slope * x[k], b = slope * y[k], length = std::sqrt(1 + a * a + b * b);
-        const double cosine = nearest[k] * one.height / length;
-        if (cosine > least) hits.push_back({length / nearest[k], cosine, {a, b, 1}, one.normal, one.number});
+        const double depth = one.depth.z + one.depth.x * x[k] + one.depth.y * y[k], cosine = depth * one.height / length;
+        if (cosine > least) hits.push_back({length / depth, cosine, {a, b, 1}, one.normal, one.number});
     }
 }
 

@@ -1,6 +1,7 @@
 // Echoes of a wide beam: the nearest point of the part inside a cone, and hits of rays that fill the cone.
 #pragma once
 #include <algorithm>
+#include <array>
 #include <utility>
 #include <vector>
 
@@ -28,14 +29,14 @@ std::vector<int> triangles_in(const Shape& shape, const Cone& cone, double reach
 
 // Directions that fill a disc of radius one evenly, sorted by x.
 struct RayPattern {
-    static constexpr int MOST = 1023;
+    static constexpr int MOST = 255;
     explicit RayPattern(int count);
     // The first ray with x at or beyond a bound; up to some earlier.
     int first_from(double bound) const;
     // A number of rays beyond which x is greater than a bound.
     int end_at(double bound) const;
     int count;
-    double x[MOST], y[MOST];
+    float x[MOST], y[MOST];
 
   private:
     static constexpr int BINS = 32;
@@ -65,7 +66,8 @@ class Seen {
 
   private:
     struct Triangle {
-        Vec3 normal, sides[3], depth;  // sides, depth: coefficients of x, y and 1
+        Vec3 normal, depth;            // depth: coefficients of x, y and 1
+        std::array<float, 3> sides[3], near;  // the same of the sides and the depth, for the comparison of triangles
         double height;                 // of the origin over its plane
         double least, most;            // bounds of x
         int number;

@@ -14,8 +14,8 @@ namespace {
 // What chose these numbers: seed 71 of benchmarks/wide_cones.py, a few scenes of it; WEIGHT_SD is smaller than the
 // difference of even and signal weights (0.2 to 0.3 of the spread), which are two models. RAYS_ERROR bounds the mean of
 // the raster against that of many rays over 148 cones that a part fills in part.
-// rays that fill a cone; while noise is blurred, or on one plane; where few of them hit, and how few these are
-constexpr int RAYS = 127, FEW_RAYS = 31, MANY_RAYS = RayPattern::MOST, FEW_HITS = 16;
+// rays that fill a cone; while noise is blurred, or on one plane; where less than half of them hit
+constexpr int RAYS = 63, FEW_RAYS = 31, MANY_RAYS = RayPattern::MOST;
 constexpr double EDGE_SD = 0.05;    // relative standard deviation of the half angle: sensitivity fades at the edge
 constexpr double WEIGHT_SD = 0.03;  // of the mean over rays, over their spread: the reflectance of each place is unknown
 constexpr double RAYS_ERROR = 0.7;  // error of the mean of n rays, over their spread and n^-3/4, as of places even by design
@@ -57,8 +57,8 @@ class ConeRange final : public OnSurface {
     // Whether the response is unknown: a model of its own for each, which all readings of the problem share. So have the
     // weights of a mean: even, or by the returned signal.
     bool is_open() const { return of_nearest > 0 && of_nearest < 1; }
-    void add(const Shape& shape, const ConeEcho& echo, double share, double variance, double negligible, size_t first,
-             Components& out) const;
+    void add(const Shape& shape, const ConeEcho& echo, double share, double noise, double more, double negligible,
+             size_t first, Components& out) const;
     void evaluate_nearest(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance,
                           Components& out) const;
     void evaluate_rays(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance,
@@ -66,10 +66,12 @@ class ConeRange final : public OnSurface {
     double reach(double sd) const { return range + REACH * sd; }
 };
 
-// Adds a component, or its share to an equal one.
-void ConeRange::add(const Shape& shape, const ConeEcho& echo, double share, double variance, double negligible,
+// Adds a component, or its share to an equal one. The variance is that of the noise, and more that does not depend on it.
+void ConeRange::add(const Shape& shape, const ConeEcho& echo, double share, double noise, double more, double negligible,
                     size_t first, Components& out) const {
     Component c;
+    const double variance = noise + more;
+    c.unscaled = more;
     const int model = has_models() ? out.model : -1;
     c.distance = echo.range - range;
     c.per_sd = 1 / std::sqrt(variance);
@@ -123,7 +125,7 @@ void ConeRange::evaluate_nearest(const Placement& at, const Cone& widest, const 
         echo = nearest_in(at.shape, triangles, cone);
         if (echo.triangle < 0) return;
         const bool last = dot(echo.ray, cone.axis) > std::cos(half_angle * nodes[2]);
-        add(at.shape, echo, of_nearest * (last ? left : weights[k]), variance, at.negligible, first, out);
+        add(at.shape, echo, of_nearest * (last ? left : weights[k]), variance, 0, at.negligible, first, out);
         if (last) return;
         left -= weights[k];
     }
@@ -140,7 +142,7 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
     const Seen seen(at.shape, triangles, cone, u, v);
     thread_local std::vector<RayHit> hits;
     // few rays are enough while noise is blurred, and where all of them hit one plane
-    const bool blurred = at.blur > 0.25 * slope * range;
+    const bool blurred = at.blur > 0;
     hits.clear();
     double rays = 1;  // that would fill the cone
     const auto cast = [&](const RayPattern& pattern, bool whole) {
@@ -153,8 +155,9 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
         // where the part covers less than half of the cone, rays are placed about the part only. The place of a random ray
         // is known to one cell of the raster, so that few rays suffice; a mean needs all cells
         const bool whole = seen.covered() > 0.5, mean = of_mean + of_strongest > 0;
-        cast(mean ? ALL_RAYS : SOME_RAYS, whole);
-        if (hits.size() < FEW_HITS) cast(mean ? DENSE_RAYS : ALL_RAYS, whole);
+        const RayPattern& first = mean ? ALL_RAYS : SOME_RAYS;
+        cast(first, whole);
+        if (2 * static_cast<int>(hits.size()) < first.count) cast(mean ? DENSE_RAYS : ALL_RAYS, whole);
     }
     if (hits.empty()) return;
     const int n = static_cast<int>(hits.size());
@@ -169,7 +172,7 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
         const Vec3 by_axis = turns * (hit.normal - hit.normal.z * hit.along), &m = hit.normal;
         echo.by_origin = (1 / hit.cosine) * (m.x * u + m.y * v + m.z * cone.axis);
         echo.by_axis = by_axis.x * u + by_axis.y * v + by_axis.z * cone.axis;
-        add(at.shape, echo, of_rays / n, variance + cell * cell * tangent2 / rays, at.negligible, first, out);
+        add(at.shape, echo, of_rays / n, variance, cell * cell * tangent2 / rays, at.negligible, first, out);
     }
     // The mean of the rays of some faces, which are the hits where face is -1 or that of the triangle; even or by signal.
     // Its derivative has the same rays hit, and omits that the outline moves: ascents take more steps, samples use none.
@@ -198,7 +201,7 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
         mean.by_axis = by_axis.x * u + by_axis.y * v + by_axis.z * cone.axis;
         const double spread = std::max(squares / sum - mean.range * mean.range, 0.0);
         const double error = smooth ? 0 : RAYS_ERROR * RAYS_ERROR / (count * std::sqrt(static_cast<double>(count)));
-        add(at.shape, mean, share, variance + spread * (WEIGHT_SD * WEIGHT_SD + error), at.negligible, out.size(), out);
+        add(at.shape, mean, share, variance, spread * (WEIGHT_SD * WEIGHT_SD + error), at.negligible, out.size(), out);
     };
     for (int by_signal = 0; by_signal < 2 && of_mean > 0; ++by_signal) {
         out.model = by_signal;

@@ -25,6 +25,7 @@ constexpr double NEGLIGIBLE = 1e-9;  // densities below this fraction of the out
 struct Component {
     double weight;              // density relative to that of an outlier
     double distance, per_sd;    // residual [m], and one over its standard deviation
+    double unscaled = 0;        // variance that the noise scale does not multiply, in addition to that of the factor [m^2]
     Vec3 normal;                // direction of the residual; zero if slope and stiff contain all of it
     Vec3 slope;                 // gradient of the log density by p, without the residual
     Mat3 stiff;                 // minus the second derivative of the same part by p

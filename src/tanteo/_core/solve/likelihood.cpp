@@ -356,7 +356,7 @@ struct ScaleSlope {
     double gradient = 0, observed = 0, expected = 0, scaled = 0;
 
     void add(const Component& c, int codimension, double weight, double unscaled) {
-        const double r = c.distance * c.per_sd, scaled_share = 1 - unscaled * c.per_sd * c.per_sd;
+        const double r = c.distance * c.per_sd, scaled_share = 1 - (unscaled + c.unscaled) * c.per_sd * c.per_sd;
         const double across = c.element >= 0 ? 1 : codimension;
         scaled += weight * scaled_share;
         gradient += weight * scaled_share * (r * r - across + c.spread);
@@ -374,7 +374,7 @@ LocalSlope slope_of(const Components& components, const double* weights, std::ve
     for (size_t first = 0, next; first < order.size(); first = next) {
         LocalSlope own;
         Mat3 pulls;
-        double weight = 0;
+        double weight = 0, curvature = 0, pull_along = 0, squares = 0;  // of the residuals alone
         for (next = first; next < order.size() && all[order[next]].element == all[order[first]].element; ++next) {
             const int k = order[next];
             const Vec3 before = own.p;
@@ -382,6 +382,10 @@ LocalSlope slope_of(const Components& components, const double* weights, std::ve
             const Vec3 pull = own.p - before;
             add_outer(pulls, 1 / weights[k], pull, pull);
             weight += weights[k];
+            const double per = all[k].per_sd, r = all[k].distance * per;
+            curvature += weights[k] * per * per;
+            pull_along += weights[k] * per * r;
+            squares += weights[k] * per * per * r * r;
         }
         if (!all[order[first]].tilted && !all[order[first]].turns) {
             if (next - first > 1) {
@@ -389,6 +393,11 @@ LocalSlope slope_of(const Components& components, const double* weights, std::ve
                 add_outer(own.pp, 1 / weight, own.p, own.p);
             }
             own.pp = not_negative(own.pp);
+        }
+        if (all[order[first]].turns && next - first > 1) {  // the rays of a cone pull in nearly the same direction
+            const double left = std::max(1 - (squares - pull_along * pull_along / weight) / curvature, 0.0);
+            for (Mat3* part : {&own.pp, &own.pm, &own.mm})
+                for (double& x : part->m) x *= left;
         }
         sum.add(own);
     }
