@@ -15,6 +15,7 @@ from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.posterior import Priors
 from tanteo.render import draw_sight
+from tanteo.render.image_picture import FOUND
 from tanteo.vision import Camera, find_edges, prepare_vision, see_table
 from tanteo.vision.answers import deciding_touch, heights, judged
 from tanteo.vision.edges import map_edges
@@ -188,6 +189,18 @@ def test_the_picture_shows_what_was_seen(two, models):
     grey = np.repeat(cv2.resize(image.astype(np.uint8), None, fx=2, fy=2)[..., None], 3, axis=2)
     changed = (picture.astype(int) - grey != 0).any(axis=2)
     assert 0.002 < changed.mean() < 0.1
+
+
+def test_the_picture_has_no_part_in_an_unknown_object(two, models):
+    image, camera, _, _ = two
+    sight = see_table(image, camera, models[:1])
+    seen = sight.objects[0]
+    answer = replace(seen.answer, status="unknown", findings=(), hypotheses=())
+    unlikely = replace(seen, modes=(replace(seen.modes[0], probability=1e-3),), answer=answer)
+    known, unknown = (draw_sight(image, camera, replace(sight, objects=(one,)))[:960] for one in (seen, unlikely))
+    found = [(picture == FOUND).all(axis=2).sum() for picture in (known, unknown)]
+    assert found[0] > 100
+    assert found[1] == 0
 
 
 def test_the_picture_names_part_with_its_probability_in_any_pose(two, models, monkeypatch):

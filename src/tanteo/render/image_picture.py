@@ -50,7 +50,8 @@ def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
     for seen in sight.objects:
         if seen.region is not None:
             cv2.polylines(picture, [_at(seen.region.contour)], True, OUTLINE, 1, cv2.LINE_AA, _SHIFT)
-        if seen.modes:
+        # the best part of an unknown object is none of it
+        if seen.modes and (seen.answer.status != "unknown" or seen.modes[0].probability > EVIDENCE.missed):
             best = seen.modes[0]
             edges_found = meet(best.model.frame, camera, edges, best.T_camera_part, EVIDENCE.reach)
             for pixel, inside, hit in zip(edges_found.pixels, edges_found.inside, edges_found.hits, strict=True):
