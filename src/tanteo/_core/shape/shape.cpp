@@ -69,6 +69,8 @@ Closest Shape::closest(const Vec3& p, int guess) const {
     Closest best = closest_of(p, guess);
     const auto squared_distance = [&](int t, double limit) {
         Vec3 q;
+        const double off = dot(normals[t], p - vertices[triangles[3 * t]]);  // no point of a triangle is nearer than its plane
+        if (off * off > limit * (1 + 1e-12)) return 1e300;
         const double d2 = point_triangle(p, vertices[triangles[3 * t]], vertices[triangles[3 * t + 1]],
                                          vertices[triangles[3 * t + 2]], q);
         if (d2 < limit) {
