@@ -283,3 +283,25 @@ def test_parts_are_located_as_without_copies(monkeypatch):
     assert xi @ np.linalg.solve(other.covariance, xi) < 0.3
     np.testing.assert_allclose(np.diag(one.covariance), np.diag(other.covariance), rtol=0.3)
     assert abs(one.probability - other.probability) < 0.02
+
+
+def test_a_second_process_makes_no_copy_again(monkeypatch, tmp_path):
+    monkeypatch.setenv("TANTEO_CACHE", str(tmp_path / "cache"))
+    vertices, triangles, _ = tube(4000)
+    vertices = vertices * [1.0, 0.6, 1.0] * (1 + 8 * vertices[:, 2:])
+    file = tmp_path / "large.off"
+    rows = [" ".join(map(str, v)) for v in (1e3 * vertices).tolist()]
+    rows += ["3 " + " ".join(map(str, t)) for t in triangles.tolist()]
+    file.write_text("\n".join([f"OFF\n{len(vertices)} {len(triangles)} 0", *rows]))
+    points = vertices[triangles[::1500]].mean(axis=1)
+    readings = tanteo.Readings.from_columns(points=points, sds=np.full(len(points), 1e-4))
+    first = tanteo.locate(readings, tanteo.read_parts([file], unit="mm").parts[0])
+    assert first.hypotheses
+
+    def never(*arguments):
+        raise AssertionError("a copy is made again")
+
+    monkeypatch.setattr(_core, "simplify", never)
+    monkeypatch.setattr(Surface, "cast", never)
+    again = tanteo.locate(readings, tanteo.read_parts([file], unit="mm").parts[0])
+    np.testing.assert_array_equal(again.best.T_world_part, first.best.T_world_part)

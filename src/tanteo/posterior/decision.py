@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.catalogue import cache
 from tanteo.factors import ContactPoints
 from tanteo.features import SharedError
 from tanteo.geometry.limits import NOTABLE
@@ -32,7 +33,7 @@ from tanteo.posterior.diagnostics import (
 from tanteo.posterior.dominant_error import dominant_shared_error
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
 from tanteo.posterior.posterior import Posterior
-from tanteo.posterior.prepared import PreparedPart
+from tanteo.posterior.prepared import PreparedPart, prepare
 from tanteo.posterior.prior_check import PriorCheck
 from tanteo.posterior.sampling.modes import Mode
 from tanteo.posterior.stable_poses import nearest_stable_pose
@@ -56,6 +57,9 @@ _NINETY_FIVE = 1.96
 
 _FLAT = 1e-6
 """Numerical: size over the diagonal below which a feature has no extent, and the depth of a ray below its face."""
+
+_SMALLEST = "smallest1"
+"""Kind and version of the cached size and name of the smallest feature."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -220,12 +224,18 @@ def smallest_feature(prepared: PreparedPart) -> tuple[float, str]:
     Args:
         prepared: the part.
     """
-    part = prepared.part
+    part = prepared.part.derived.get("original", prepared.part)
     if "smallest" not in part.derived:
-        sizes = [(part.diagonal, "its diagonal")]
-        sizes += [(2 * float(one.radii.min()), f"the diameter of {one.name}") for one in round_features(part)]
-        sizes += [(thickness, "its thinnest wall") for thickness in _walls(prepared)]
-        part.derived["smallest"] = min(size for size in sizes if size[0] > _FLAT * part.diagonal)
+        stored = cache.load_derived(part, _SMALLEST)
+        if stored is None:
+            sizes = [(part.diagonal, "its diagonal")]
+            sizes += [(2 * float(one.radii.min()), f"the diameter of {one.name}") for one in round_features(part)]
+            sizes += [(thickness, "its thinnest wall") for thickness in _walls(prepare(part))]
+            size, what = min(size for size in sizes if size[0] > _FLAT * part.diagonal)
+            cache.store_derived(part, _SMALLEST, np.float64(size).tobytes() + what.encode())
+            part.derived["smallest"] = size, what
+        else:
+            part.derived["smallest"] = float(stored[:8].view(np.float64)[0]), stored[8:].tobytes().decode()
     smallest: tuple[float, str] = part.derived["smallest"]
     return smallest
 
