@@ -55,3 +55,20 @@ def test_touched_faces_have_one_factor_of_their_area_each():
     odds = np.log(found.designs[-1, 0] / found.designs[0, 0])
     assert np.isclose(odds, np.log(0.25 / 0.5 * fraction / 2) - 8 * np.log(fraction), atol=0.02)
     np.testing.assert_allclose(np.exp(found.design_scales[-1, 0]), 1 / fraction, rtol=1e-6)
+
+
+def test_places_of_a_scan_are_worth_fifty_on_touched_faces():
+    """So one point of a scan at a border does not outweigh the fit of all others."""
+    part = prepare(tanteo.read_part(PARTS / "block.step"))
+    low, size = part.part.box[0], np.ptp(part.part.box, axis=0)
+    top = low[:2] + size[:2] * np.random.default_rng(1).uniform(0.05, 0.95, (900, 2))
+    top = np.c_[top, np.full(900, part.part.box[1, 2])]
+    top = top[np.abs(part.surface.closest(top).distances) < 1e-9][:200]
+    problem = Problem(
+        as_contact_points(measure(tanteo.Readings.from_columns(top, sds=np.full(200, 1e-5)))),
+        FreeRays.none(), tanteo.Priors(radius=0.2),
+    )  # fmt: skip
+    objective = start_search(problem, part, np.random.default_rng(0)).objective
+    found = details_at(objective, np.eye(4)[None], np.zeros((1, problem.states)))
+    fraction = part.part.faces[found.faces[0, 0]].area / part.part.area
+    np.testing.assert_allclose(np.exp(found.design_scales[-1, 0]), (1 / fraction) ** (50 / 200), rtol=1e-6)

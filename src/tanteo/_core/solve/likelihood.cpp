@@ -7,6 +7,7 @@
 namespace tanteo {
 
 constexpr double LEAST_CURVED = 0.25;  // least curvature by the noise scale that steps assume, over the expected one
+constexpr double MOST_CHOSEN = 50;  // definition: most places that a person chooses; more are a scan
 
 void Likelihood::begin(const State& state, bool with_slope, FaceQueue& shared) {
     const int n = static_cast<int>(problem.factors.size());
@@ -115,15 +116,19 @@ Likelihood::Likelihood(const Shape& shape, const Problem& problem) : designs(1),
 }
 
 // The design that is even over the touched faces and edges: those on which the measurements without a direction are
-// inliers. Call after combine(designs[0]). m faces are touched with probability 2^-m, each chosen by its area.
+// inliers. Call after combine(designs[0]). m faces are touched with probability 2^-m, each chosen by its area. Places of a
+// scan follow its path: together they tell as much about the set of faces as MOST_CHOSEN independent ones, so that a
+// single point at a border does not outweigh the fit of all others.
 void Likelihood::find_touched(Design& design) {
     design.on_face = design.on_edge = 1;
     design.log_weight = std::log(0.25);
     for (const int across : {1, 2}) {
         touched.clear();
+        double count = 0;
         for (size_t j = 0; j < evaluated.size(); ++j) {
             const Evaluated& own = evaluated[j];
             if (spread[j] != across || !own.count || designs[0].inlier[j] < 0.5) continue;
+            ++count;
             const Component* const first = &components.all[own.first];
             const int element = std::max_element(first, first + own.count, [](const Component& a, const Component& b) {
                                     return a.weight < b.weight;
@@ -137,7 +142,8 @@ void Likelihood::find_touched(Design& design) {
             share += own;
             design.log_weight += std::log(own * (k + 1) / 2);
         }
-        if (share > 0) (across == 1 ? design.on_face : design.on_edge) = 1 / share;
+        const double power = std::min(1.0, MOST_CHOSEN / count);
+        if (share > 0) (across == 1 ? design.on_face : design.on_edge) = std::pow(1 / share, power);
     }
 }
 
