@@ -117,7 +117,7 @@ Likelihood::Likelihood(const Shape& shape, const Problem& problem) : designs(1),
 
 // The design that is even over the touched faces and edges: those on which the measurements without a direction are
 // inliers. Call after combine(designs[0]). m faces are touched with probability 2^-m, each chosen by its area. Places of a
-// scan follow its path: together they tell as much about the set of faces as MOST_CHOSEN independent ones, so that a
+// scan follow its path: together they count as MOST_CHOSEN independent ones for the set of faces, so that a
 // single point at a border does not outweigh the fit of all others.
 void Likelihood::find_touched(Design& design) {
     design.on_face = design.on_edge = 1;
