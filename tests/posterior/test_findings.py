@@ -99,3 +99,16 @@ def test_an_error_of_each_scan_line_is_noticed(jitter, named):
     near = tanteo.PosePrior(T_world_part=np.eye(4), covariance=np.diag(np.repeat([1e-3, 0.01], 3)) ** 2)
     answer = locate(Readings.from_columns(points=moved, sds=np.full(72, 1e-4)), part, priors=tanteo.Priors(pose=near))
     assert any(one.kind == "correlated_readings" for one in answer.findings) == named
+
+
+def test_readings_beside_a_part_that_fits_are_named():
+    part, rng = read_part(PARTS / "block.step"), np.random.default_rng(2)
+    points, normals = surface_points(Surface(part.vertices, part.triangles), 13, rng)
+    points = np.concatenate([points + 1e-3 * rng.normal(size=(13, 3)), points[:2] + 0.1 * normals[:2]])
+    normals = np.concatenate([normals, normals[:2]])
+    readings = Readings.from_columns(
+        points=points, normals=normals, normal_sds=np.full(15, 0.09), sds=np.full(15, 1e-3)
+    )
+    answer = locate(readings, part)
+    assert answer.status == "ambiguous"
+    assert "Readings 14 and 15 are not on it. Expect outliers (--outlier-rate 10%)" in answer.message

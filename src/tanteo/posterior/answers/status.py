@@ -151,7 +151,7 @@ def _ambiguous(
         mirror = next((name for name in names[1:] if name in mirrored), "")
         return SeveralParts(tuple(names[:kept]), len(names) - kept, equal, mirror)
     if unknown > _LISTED and best.probability + unknown > 1 - _LISTED:
-        return MayBeUnknown(best.part, unknown)
+        return MayBeUnknown(best.part, unknown, best.outliers)
     of_part = sum(P for name, P in shares if name == best.part)
     listed = [h.probability for h in hypotheses if h.part == best.part and h.probability > _LISTED]
     is_complete = len(listed) > 1 and of_part - sum(listed) < _LISTED

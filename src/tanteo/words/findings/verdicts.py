@@ -130,12 +130,14 @@ class MayBeUnknown(Finding):
     Attributes:
         part: name of the part.
         unknown: probability of the unknown object.
+        outliers: ids of the readings that are not on the part.
     """
 
     kind: ClassVar[str] = "may_be_unknown"
     role: ClassVar[Role] = "verdict"
     part: str
     unknown: float
+    outliers: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

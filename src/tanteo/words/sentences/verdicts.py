@@ -94,7 +94,13 @@ def _(one: f.GivenTwice) -> Words:
 
 @words_of.register
 def _(one: f.MayBeUnknown) -> Words:
-    return f"{one.part} fits, but an unknown part may fit, too ({percent(one.unknown)}).", "Sense one more place."
+    text = f"{one.part} fits, but an unknown part may fit, too ({percent(one.unknown)})."
+    if one.outliers:
+        few, many = len(one.outliers) in (1, *_NUMBERS), len(one.outliers) > 1
+        which = f"{'Readings' if many else 'Reading'} {listed(list(one.outliers))}"
+        text += f" {which if few else readings(len(one.outliers))} {'are' if many else 'is'} not on it."
+        text += " Expect outliers (--outlier-rate 10%), or state what else was touched (--furniture)."
+    return text, "Sense one more place."
 
 
 @words_of.register
