@@ -42,7 +42,8 @@ def numbered(stem, n=16, first=0, unit=""):
 
 
 @pytest.mark.parametrize("names", [numbered("z"), numbered("zone_", first=1), numbered("d", unit="_mm"),
-                                   [f"z_{r}_{c}" for r in range(4) for c in range(4)]])  # fmt: skip
+                                   *([name.format(r, c) for r in range(4) for c in range(4)]
+                                     for name in ("z_{}_{}", "d{}{}", "r{}c{}", "row{}_col{}"))])  # fmt: skip
 def test_a_frame_in_a_row_is_all_its_zones(tmp_path, rig, names):
     readings = read_readings(write(tmp_path, ["time_s", *names], [0, *range(300, 316)]), rig=rig, hand=HAND)
     at = dict(zip(readings.sensors, readings.ranges[:], strict=True))

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from tanteo.sensors import Rig
 
 _NUMBERED = re.compile(
-    r"(?P<stem>(?:\w*?[a-z_])??)_?(?P<first>\d{1,4})(?:[_x](?P<second>\d{1,3}))?(?:_(?P<unit>mm|m|um|in))?"
+    r"(?P<stem>(?:\w*?[a-z_])??)_?(?P<first>\d{1,4})(?:(?:_?(?:x|c|col)_?|_)(?P<second>\d{1,3}))?(?:_(?P<unit>mm|m|um|in))?"
 )
 _STEMS = (
     "z", "zone", "d", "dist", "distance", "distance_mm", "range", "range_mm", "r", "tof", "mm", "pixel", "px", "p",
-    "ch", "channel", "depth", "target", "sensor", "",
+    "ch", "channel", "depth", "target", "sensor", "row", "",
 )  # fmt: skip
 """Names of numbered columns that hold distances, the most likely first."""
 _STATUSES = "status", "target_status", "range_status", "stat", "st"
@@ -163,6 +163,9 @@ def _groups(names: Sequence[str]) -> dict[str, tuple[int, ...]]:
             found.setdefault(match["stem"].rstrip("_"), {})[key] = k
     out = {}
     for stem, columns in found.items():
+        numbers = [a for a, b in columns if b < 0]
+        if numbers and max(numbers) > len(numbers):  # d00 .. d77: row and column
+            columns = {divmod(a, 10) if b < 0 else (a, b): k for (a, b), k in columns.items()}
         keys = sorted(columns)
         rows, cols = sorted({a for a, _ in keys}), sorted({b for _, b in keys})
         whole = len(keys) == len(rows) * len(cols) and len(keys) >= _LEAST
