@@ -211,12 +211,19 @@ def _fake(start: Start, session: Session, options: Options, machine: MachineOpti
     """Return the world of a fake, with the part at a pose drawn from the prior, and the start of its tip."""
     import numpy as np
 
+    from tanteo.geometry import SE3
     from tanteo.machines import Ways, World
     from tanteo.parts import Surface
 
     T, part = start.drawn(0, 64)[options.seed % 64], start.targets[0].part
+    aligned = ""
+    if options.wcs is not None and not options.accept_turn_lost:  # as a clamp aligns it: offsets have no tilt
+        T = SE3.from_parts(start.Ts[0][:3, :3], T[:3, 3])
+        aligned = ", aligned for --wcs"
     x, y, z = 1e3 * T[:3, 3]
-    print_text(f"The fake's part is at x {x:.3f} y {y:.3f} z {z:.3f} mm, drawn from the prior (--seed).", sys.stderr)
+    print_text(
+        f"The fake's part is at x {x:.3f} y {y:.3f} z {z:.3f} mm, drawn from the prior (--seed){aligned}.", sys.stderr
+    )
     spread = machine.spread(options.sensor, options.sd)
     sd = float(session.probe.law.sigma(np.asarray(session.probe.standoff))) if isinstance(spread, str) else spread
     ways = Ways.from_start(start, session.probe, turns=False)
