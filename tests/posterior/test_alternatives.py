@@ -11,7 +11,8 @@ from tanteo import _core, part_from_mesh
 from tanteo.factors import ContactPoints, FreeRays
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.posterior import Alternatives, NormalPoses, OnTable, PoseMixture, Priors, Problem, prepare
+from tanteo.posterior import OnTable, PoseMixture, Priors, Problem, prepare
+from tanteo.posterior.alternatives import Alternatives, NormalPoses
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 

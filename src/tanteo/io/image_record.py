@@ -12,7 +12,8 @@ from tanteo.factors import PoseFactor
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms
 from tanteo.planning.execution import prior_poses
 from tanteo.planning.start import Start
-from tanteo.posterior import Alternatives, OnTable, PreparedPart
+from tanteo.posterior import OnTable, PreparedPart
+from tanteo.posterior.alternatives import Alternatives
 from tanteo.vision import Camera
 from tanteo.vision.camera import Mounting
 from tanteo.vision.edges import EdgePoints, chance_hits, map_edges

@@ -23,8 +23,6 @@ from . import symmetry as symmetry
 from . import trial_fit as trial_fit
 from . import unknown as unknown
 from . import update as update
-from .alternatives import Alternatives as Alternatives
-from .alternatives import NormalPoses as NormalPoses
 from .answers.furniture import Furniture as Furniture
 from .answers.misfit import Misfit as Misfit
 from .answers.part_motions import box_corners as box_corners

@@ -15,7 +15,8 @@ from tanteo.hand.motion import Rules
 from tanteo.parts import Part
 from tanteo.planning.probe import Probe
 from tanteo.planning.start import Start, from_hypotheses
-from tanteo.posterior import Alternatives, NormalPoses, PoseMixture, PreparedPart
+from tanteo.posterior import PoseMixture, PreparedPart
+from tanteo.posterior.alternatives import Alternatives, NormalPoses
 from tanteo.sensors import error_model
 from tanteo.sensors.presets import NoiseLaw, RobotPreset
 from tanteo.vision import Sight, Sighting
