@@ -8,7 +8,8 @@ import pytest
 from tanteo.geometry import SE3, SO3
 from tanteo.vision import find_edges
 from tanteo.vision.answers import heights
-from tanteo.vision.regions import find_regions
+from tanteo.vision.edges import chance_hits
+from tanteo.vision.regions import find_regions, hulls_of_edges
 
 
 def test_a_disc_has_a_circular_outline_and_outward_normals():
@@ -33,3 +34,16 @@ def test_heights_over_a_table_are_the_surface_s(models):
     middle = SE3.apply(T, part.centroid)
     found = heights(model.surface, T, np.array([middle[:2], middle[:2] + 1.0]))
     assert found == pytest.approx([part.box[1, 2] + 0.01, 0.0])
+
+
+def test_edges_with_gaps_cover_what_they_enclose():
+    """The outline of a square shows in four corners, as that of a part about as bright as the table."""
+    image = 120 + np.random.default_rng(4).normal(0, 1.0, (300, 400))
+    image[100:200, 100:200] += 60
+    edges = find_edges(image)
+    shown = edges.only(np.all(np.abs(edges.pixels - 150) > 5, axis=1))
+    covered = hulls_of_edges(shown, chance_hits(shown))
+    assert covered[105:195, 105:195].all()
+    assert covered.mean() < 0.12
+    corner = edges.only(np.all(edges.pixels < 110, axis=1))
+    assert not hulls_of_edges(corner, chance_hits(corner)).any()

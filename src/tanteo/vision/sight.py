@@ -27,7 +27,7 @@ from tanteo.vision.models import VisionModel, prepare_vision
 from tanteo.vision.outlines import check_size, narrowed, seen_outline
 from tanteo.vision.posterior import ImagePosterior, infer
 from tanteo.vision.propose import edge_costs
-from tanteo.vision.regions import Region, bare_table, dilated, find_regions, hulls, silhouette
+from tanteo.vision.regions import Region, bare_table, dilated, find_regions, hulls, hulls_of_edges, silhouette
 from tanteo.vision.rims import name_ellipses
 from tanteo.vision.settings import EDGES, EVIDENCE
 from tanteo.vision.shots import Shot, image_candidates, same_objects
@@ -226,7 +226,8 @@ def shot_of(view: View, parts: Sequence[Any], T_world_table: Transforms, errors:
     points = find_edges(view.pixels)
     chance = chance_hits(points)
     regions = find_regions(view.pixels, points, chance)
-    bare = bare_table(hulls(regions)) if regions else np.ones(points.shape, dtype=np.bool_)
+    occupied = hulls(regions) | hulls_of_edges(points, chance) if regions else np.zeros(points.shape, dtype=np.bool_)
+    bare = bare_table(occupied)
     regions = _alone(regions, points, chance)
     errors = seen_table(errors, camera, T_world_table)
     if view.ignore is not None:
