@@ -66,10 +66,13 @@ def test_the_tip_that_each_set_finds_is_the_same(target, located):
 def test_the_share_of_the_tip_in_the_worst_corner(target, name):
     touches, shared = touches_of(name)
     priors = Priors(noise_factor=1.0)
-    best = identify_points(touches, FreeRays.none(), [target], shared=shared, priors=priors).hypotheses[0]
-    total = corner_sd(target.part, best.covariance)
-    without = corner_sd(target.part, best.covariance_relative)
-    assert 0.4 < np.sqrt(total**2 - without**2) / total < 0.9  # samples give the novice's 0.58 to about 0.1
+    shares = []
+    for seed in range(4):  # the samples of one seed give the novice's 0.45 to about 0.05
+        answer = identify_points(touches, FreeRays.none(), [target], shared=shared, priors=priors, seed=seed)
+        total = corner_sd(target.part, answer.hypotheses[0].covariance)
+        without = corner_sd(target.part, answer.hypotheses[0].covariance_relative)
+        shares.append(np.sqrt(total**2 - without**2) / total)
+    assert 0.4 < np.mean(shares) < 0.9
 
 
 def test_the_tip_and_not_the_touches_limits_the_expert_set(located):
