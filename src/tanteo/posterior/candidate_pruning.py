@@ -483,11 +483,11 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
         left = [
             s
             for s in live
-            if s.restarts < own.rounds + (own.rounds // 2 if s is best else 0)
-            and (
-                s.log_missed() > (s.log_evidence if may_be_missed else total) + np.log(own.missing)
-                or (s is best and (s.is_doubtful() or s.is_noisy()))
+            if (
+                s.restarts < (3 if s is best and s.is_good_fit() else 1) * own.rounds
+                and s.log_missed() > (s.log_evidence if may_be_missed else total) + np.log(own.missing)
             )
+            or (s is best and s.restarts < 1.5 * own.rounds and (s.is_doubtful() or s.is_noisy()))
         ]
         left = sorted(left, key=lambda s: -s.log_missed())[: max(budget - sum(s.restarts for s in live), 0)]
         for search in left:
