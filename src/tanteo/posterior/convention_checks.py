@@ -156,9 +156,9 @@ def _about_ways(
     """Return the first interpretation of the numbers that fits; None if there is none."""
     for way in ways:
         meant = way.undo(readings)
-        if meant is not None and way.finding is UnitsConvention and not _is_of_size(meant, parts, settings):
+        if meant is None or (way.finding is UnitsConvention and not _is_of_size(meant, parts, settings)):
             continue
-        found = None if meant is None else _answer_to(question, meant, parts, settings)
+        found = _answer_to(question, meant, parts, settings)
         if found is None or not fits(found, settings):
             continue
         if way.finding is not DirectionsConvention or _contradict(found, meant, readings, parts, question):
