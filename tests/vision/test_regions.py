@@ -42,8 +42,11 @@ def test_edges_with_gaps_cover_what_they_enclose():
     image[100:200, 100:200] += 60
     edges = find_edges(image)
     shown = edges.only(np.all(np.abs(edges.pixels - 150) > 5, axis=1))
-    covered = hulls_of_edges(shown, chance_hits(shown))
+    inside = np.zeros(image.shape, dtype=bool)
+    inside[120:130, 120:130] = True
+    covered = hulls_of_edges(shown, chance_hits(shown), inside)
     assert covered[105:195, 105:195].all()
     assert covered.mean() < 0.12
     corner = edges.only(np.all(edges.pixels < 110, axis=1))
-    assert not hulls_of_edges(corner, chance_hits(corner)).any()
+    assert not hulls_of_edges(corner, chance_hits(corner), inside).any()
+    assert not hulls_of_edges(shown, chance_hits(shown), np.zeros_like(inside)).any()

@@ -174,7 +174,7 @@ def hulls(regions: Sequence[Region]) -> BoolArray:
     return covered.view(np.bool_)
 
 
-def hulls_of_edges(edges: EdgePoints, chance: FloatArray) -> BoolArray:
+def hulls_of_edges(edges: EdgePoints, chance: FloatArray, objects: BoolArray) -> BoolArray:
     """Return the pixels in the convex hulls of edges that are rare and near one another ``(rows, columns)``.
 
     A part as bright as the table has no region of its own, but gaps in its outline are short.
@@ -182,6 +182,7 @@ def hulls_of_edges(edges: EdgePoints, chance: FloatArray) -> BoolArray:
     Args:
         edges: edge points of the image.
         chance: probability of a random edge like each ``(n,)``.
+        objects: pixels of objects ``(rows, columns)``; hulls that have none of them are of texture.
     """
     cv2 = opencv()
     rare = chance < EVIDENCE.rare
@@ -193,7 +194,10 @@ def hulls_of_edges(edges: EdgePoints, chance: FloatArray) -> BoolArray:
     information = np.bincount(own, weights=-np.log(chance[rare]), minlength=count) * SPACING / EVIDENCE.stretch
     covered = np.zeros(edges.shape, dtype=np.uint8)
     for k in np.flatnonzero(information > EVIDENCE.least_object):
-        cv2.fillConvexPoly(covered, cv2.convexHull(np.stack([x, y], axis=1)[own == k]), 1)
+        hull = np.zeros(edges.shape, dtype=np.uint8)
+        cv2.fillConvexPoly(hull, cv2.convexHull(np.stack([x, y], axis=1)[own == k]), 1)
+        if np.any(objects & (hull > 0)):
+            covered |= hull
     return covered.view(np.bool_)
 
 

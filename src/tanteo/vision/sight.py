@@ -226,7 +226,12 @@ def shot_of(view: View, parts: Sequence[Any], T_world_table: Transforms, errors:
     points = find_edges(view.pixels)
     chance = chance_hits(points)
     regions = find_regions(view.pixels, points, chance)
-    occupied = hulls(regions) | hulls_of_edges(points, chance) if regions else np.zeros(points.shape, dtype=np.bool_)
+    occupied = np.zeros(points.shape, dtype=np.bool_)
+    if regions:
+        # the strongest regions are objects; a textured table has many weak ones
+        own = np.array([edge_information(points, chance, dilated(region.mask)) for region in regions])
+        objects = np.any([regions[k].mask for k in np.flatnonzero(own >= 0.5 * own.max())], axis=0)
+        occupied = hulls(regions) | hulls_of_edges(points, chance, objects)
     bare = bare_table(occupied)
     regions = _alone(regions, points, chance)
     errors = seen_table(errors, camera, T_world_table)
