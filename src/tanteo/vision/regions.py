@@ -182,7 +182,7 @@ def hulls_of_edges(edges: EdgePoints, chance: FloatArray, objects: BoolArray) ->
     Args:
         edges: edge points of the image.
         chance: probability of a random edge like each ``(n,)``.
-        objects: pixels of objects ``(rows, columns)``; hulls that have none of them are of texture.
+        objects: pixels of objects ``(rows, columns)``; hulls outside all objects are texture.
     """
     cv2 = opencv()
     rare = chance < EVIDENCE.rare
