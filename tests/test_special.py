@@ -15,6 +15,7 @@ from tanteo.geometry.special import (
     log_even,
     log_sum,
     softmax,
+    zeta_from_two,
 )
 
 
@@ -77,3 +78,8 @@ def test_laguerre_and_legendre_nodes_are_scipys():
     np.testing.assert_allclose(
         legendre_nodes(12), (scipy_special.roots_legendre(12)[0], scipy_special.roots_legendre(12)[1] / 2), atol=1e-13
     )
+
+
+def test_zeta_without_its_first_term_is_that_of_scipy():
+    s = np.array([2.0, 3.0, 4.5, 13.0, 40.0])
+    np.testing.assert_allclose(zeta_from_two(s), scipy_special.zeta(s, 2.0), rtol=1e-9)

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import zeta
 
 from tanteo import _core
 from tanteo.factors import ContactPoints
-from tanteo.geometry.special import log_sum
+from tanteo.geometry.special import log_sum, zeta_from_two
 from tanteo.geometry.typing import Covariances, FloatArray, Indices, IntArray, Transforms, Vectors
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
@@ -171,7 +170,7 @@ def log_missed(log_masses: FloatArray, sources: IntArray) -> float:
     """
     if not len(log_masses):
         return -np.inf
-    return float(log_sum(log_masses + np.log(zeta(np.maximum(sources, 1) + 1.0, 2.0))))
+    return float(log_sum(log_masses + np.log(zeta_from_two(np.maximum(sources, 1) + 1.0))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
