@@ -54,7 +54,9 @@ def zeta_from_two(s: npt.ArrayLike) -> FloatArray:
     s = np.asarray(s, dtype=np.float64)
     sums = np.sum(np.arange(2.0, 10.0) ** -s[..., None], axis=-1)
     end = 10.0 ** (1 - s) / (s - 1) + 0.5 * 10.0**-s + s / 12 * 10.0 ** (-s - 1)
-    return np.asarray(sums + end - s * (s + 1) * (s + 2) / 720 * 10.0 ** (-s - 3))
+    third = s * (s + 1) * (s + 2)
+    end = end - third / 720 * 10.0 ** (-s - 3) + third * (s + 3) * (s + 4) / 30240 * 10.0 ** (-s - 5)
+    return np.asarray(sums + end)
 
 
 def log_sum(log: npt.ArrayLike, axis: int | tuple[int, ...] | None = None) -> FloatArray:
