@@ -62,6 +62,11 @@ class PartSearch:
         """Return the log-evidence of all maxima and their symmetric images, without constant factors of the prior."""
         return self._constant + float(log_sum(self.peaks.evidence)) if len(self.peaks) else -np.inf
 
+    def has_one_maximum(self) -> bool:
+        """Return whether one maximum has more evidence than all others together: the poses are no ridge."""
+        evidence = self.peaks.evidence
+        return len(evidence) > 0 and float(evidence.max()) > float(log_sum(evidence)) - np.log(2)
+
     def log_missed(self) -> float:
         """Return the log-evidence of the maxima that the search is expected to have missed."""
         return self._constant + log_missed(self.peaks.evidence, self.peaks.times)
