@@ -164,7 +164,7 @@ NEAR = "[pose_prior]\nposition_mm = [1, 2, 3]\nturn_deg = [0, 0, 90]\n"
     ("text", "message"),
     [
         ("", "got an empty file"),
-        ("tabel = 1\n", "expected one of table, box, pose_prior, got 'tabel'"),
+        ("tabel = 1\n", "expected one of table, rests, box, pose_prior, got 'tabel'"),
         ("table = 0\n", "prior.toml, table: expected a table"),
         ("[table]\nsd_mm = 1\n", "expected top_mm or point_mm with normal"),
         ("[table]\ntop_mm = 1\npoint_mm = [1, 2, 3]\nsd_mm = 1\n", "got both"),

@@ -159,13 +159,6 @@ class Problem:
             + log_density_within(replace(pose, T_world_part=None, covariance=None), self.priors.radius)
         )
 
-    def log_pose_priors(self, prepared: PreparedPart) -> _core.Problem | None:
-        """Return the prior densities of the pose of one part alone, for the core; None if there are none."""
-        if self.mixture(prepared) is None and (self.priors.pose is None or not self.priors.pose.planes):
-            return None
-        alone = replace(self, points=ContactPoints.none(), rays=FreeRays.none(), pose_factors=())
-        return alone.compiled(prepared)
-
     @property
     def factors(self) -> list[tuple[_core.FactorList, Indices]]:
         """Return the measurements for the core, compiled once for all parts."""
@@ -173,12 +166,12 @@ class Problem:
             self._factors.extend(self.points.compiled(outlier_log_density(self.points, self.priors)))
         return self._factors
 
-    def compiled(self, prepared: PreparedPart, *, with_prior: bool = True, with_table: bool = True) -> _core.Problem:
-        """Return the problem of one part for the core, with or without the prior densities of its pose and a table."""
+    def compiled(self, prepared: PreparedPart, *, with_prior: bool = True) -> _core.Problem:
+        """Return the problem of one part for the core, with or without the prior densities of its pose."""
         t, rays = self.points, self.rays
         rates, weights = outlier_rates(self.priors.outlier_rate, len(t))
         rays = rays.join(self.furniture.paths) if len(self.furniture.paths) else rays
-        planes = self.priors.pose.planes if self.priors.pose is not None and with_table else ()
+        planes = self.priors.pose.planes if self.priors.pose is not None else ()
         lines = np.column_stack(
             [rays.origins, rays.directions, rays.lengths - rays.margin, rays.slopes, np.cos(rays.incidences)]
         )

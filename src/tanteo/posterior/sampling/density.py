@@ -22,15 +22,13 @@ class Density:
         objective: the part and the problem.
         T: the best maximum, relative to which the turn of a part of revolution is fixed ``(4, 4)``.
         log_constant: log of the constant factors of the prior, symmetric poses included.
-        log_untouched: log density of the points if none is on the part, without the prior densities of the pose.
-        priors: these prior densities alone, for the core; None if there are none.
+        log_untouched: log density of the points if none is on the part.
     """
 
     objective: Objective
     T: Transforms
     log_constant: float
     log_untouched: float
-    priors: _core.Problem | None
 
     @classmethod
     def about(cls, objective: Objective, T: Transforms, log_constant: float) -> Density:
@@ -40,19 +38,16 @@ class Density:
             far = np.eye(4)
             far[:3, 3] = T[:3, 3] + LARGEST  # out of reach of all points
             zs = np.zeros((1, objective.problem.states))
-            core = objective.problem.compiled(objective.prepared, with_prior=False, with_table=False)
-            untouched = float(_core.marginals(objective.prepared.shape, core, far[None], zs)[0][0])
-        return cls(objective, T, log_constant, untouched, objective.problem.log_pose_priors(objective.prepared))
+            untouched = float(_core.marginals(objective.prepared.shape, objective.core, far[None], zs)[0][0])
+        return cls(objective, T, log_constant, untouched)
 
     def at(self, Ts: Transforms, zs: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return log densities at poses ``(N,)``, and the other states there ``(N, D)``."""
         objective, prepared = self.objective, self.objective.prepared
         log, zs = _core.marginals(prepared.shape, objective.core, Ts, np.ascontiguousarray(zs))
-        # subtract the density with no point on the part, whose dependence on the pose is that of the priors
-        untouched = np.full(len(Ts), self.log_untouched)
-        if self.priors is not None and len(Ts):
-            untouched = untouched + _core.marginals(prepared.shape, self.priors, Ts, np.zeros((len(Ts), 0)))[0]
-        log = log + np.log(np.maximum(-np.expm1(np.minimum(untouched - log, 0.0)), 1e-300))
+        # subtract the density with no point on the part, which is equal at all poses; with a prior pose it is negligible,
+        # so that the part may be where it was said to be without a reading on it
+        log = log + np.log(np.maximum(-np.expm1(np.minimum(self.log_untouched - log, 0.0)), 1e-300))
         log += self.log_constant
         if is_gauge_fixed(prepared, named=objective.named):
             log += log_gauge(prepared, Ts, self.T)

@@ -249,7 +249,7 @@ class Objective:
         """
         end = like.scales.refine[-1:]
         costs = _core.refine_poses(self.prepared.shape, self.refining, like.rows, end, np.ascontiguousarray(Ts))[1]
-        return float(costs.min(initial=_NO_COST))
+        return max(float(costs.min(initial=_NO_COST)), 0.0)  # below zero by rounding
 
     def maximize(
         self, Ts: Transforms, zs: FloatArray | None = None, groups: IntArray | None = None, *, fine: bool = False
