@@ -173,7 +173,8 @@ def begin(start: Start) -> SensingState:
     if not start.factors:
         return SensingState(start, None, start.priors.unknown)
     problem = Problem(ContactPoints.none(), FreeRays.none(), start.priors, pose_factors=start.factors)
-    found = posterior_of_factors(problem, start.targets, _log_priors(start))
+    known = [start.Ts[start.part == k] for k in range(len(start.targets))]
+    found = posterior_of_factors(problem, start.targets, _log_priors(start), known)
     return SensingState(start, found, found.unknown, _draws(found))
 
 

@@ -102,18 +102,22 @@ def search_about(
     return searches
 
 
-def posterior_of_factors(problem: Problem, parts: Sequence[PreparedPart], log_priors: FloatArray) -> Posterior:
-    """Return the posterior of the factors of the pose alone, from the poses that they suggest.
+def posterior_of_factors(
+    problem: Problem, parts: Sequence[PreparedPart], log_priors: FloatArray, known: Sequence[Transforms]
+) -> Posterior:
+    """Return the posterior of the factors of the pose alone, from the poses that they suggest and known ones.
 
     Args:
         problem: priors and pose factors, without points.
         parts: parts, all of which have a suggested pose or no evidence.
         log_priors: log of the prior of each part ``(P,)``.
+        known: poses near maxima of each part, such as those of an answer from an image ``(K, 4, 4)``.
     """
     rng = np.random.default_rng(0)
-    searches = search_about(problem, [(part, _suggested(problem, part)) for part in parts], rng)
-    for search in searches:
-        _add_maxima_of_groups(search, rng)
+    starts = [np.concatenate([_suggested(problem, part), Ts]) for part, Ts in zip(parts, known, strict=True)]
+    searches = search_about(problem, list(zip(parts, starts, strict=True)), rng)
+    for search, Ts in zip(searches, known, strict=True):
+        _add_maxima_of_groups(search, Ts, rng)
     anywhere = float(np.log(problem.priors.unknown)) + problem.log_factors_unknown
     return weigh(problem, searches, log_priors, anywhere, rng)
 
@@ -123,7 +127,7 @@ def _suggested(problem: Problem, part: PreparedPart) -> Transforms:
     return np.concatenate([one.poses(part.part) for one in problem.pose_factors])
 
 
-def _add_maxima_of_groups(search: PartSearch, rng: np.random.Generator) -> None:
+def _add_maxima_of_groups(search: PartSearch, Ts: Transforms, rng: np.random.Generator) -> None:
     """Maximize from the maxima of each group of a factor alone, with its shared errors.
 
     The errors are zero at a suggested pose. There another group may be more probable, although it is not at the
@@ -136,7 +140,7 @@ def _add_maxima_of_groups(search: PartSearch, rng: np.random.Generator) -> None:
         for group in factor.alternatives():
             alone = replace(problem, pose_factors=(*known[:k], *group, *known[k + 1 :]))
             part = objective.prepared
-            peaks = search_about(alone, [(part, _suggested(alone, part))], rng)[0].peaks
+            peaks = search_about(alone, [(part, np.concatenate([_suggested(alone, part), Ts]))], rng)[0].peaks
             zs = np.zeros((len(peaks), problem.states))
             for one, places in leaf_columns(alone.pose_factors, own).items():
                 zs[:, columns[one]] = peaks.zs[:, places]
