@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER
+from sensing_scenes import EXACT_MACHINE, LASER
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
 from tanteo.planning import Sensing, Session, begin
@@ -55,7 +55,7 @@ FACES = {"top": 4, "end": 2, "side": 2}
 def session_on(target, touches, T=None, covariance=None):
     spread = np.diag(np.repeat([PLACE, TURN], 3)) ** 2 if covariance is None else covariance
     start = at_pose(target, np.eye(4) if T is None else T, spread, Priors(noise_factor=1.0))
-    session = Session(start, LASER, Sensing(sd=SD))
+    session = Session(start, LASER, Sensing(sd=SD, shared_errors=EXACT_MACHINE))
     for one in touches:
         session.tell(one)
     return session

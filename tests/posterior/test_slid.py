@@ -33,7 +33,9 @@ def test_both_sides_of_a_wall_are_found(housing):
     along = [SE3.apply(SE3.inverse(T), h.T_world_part[:3, 3])[0] for h in answer.hypotheses[:2]]
     assert answer.status == "ambiguous"
     assert sorted(along) == pytest.approx([-0.010, 0.0], abs=1e-4)
-    assert [h.probability for h in answer.hypotheses[:2]] == pytest.approx([0.5, 0.5], abs=0.02)
+    shares = np.array([h.probability for h in answer.hypotheses[:2]])
+    assert shares.sum() > 0.95
+    assert shares / shares.sum() == pytest.approx([0.5, 0.5], abs=0.02)
 
 
 @pytest.mark.slow

@@ -325,8 +325,13 @@ def test_tolerance_does_not_count_twice_beside_a_shared_error(targets):
     made = altered(touches, covs=touches.covs + tolerance**2 * np.eye(3), tolerance=tolerance)
     made = altered(made, sd=np.sqrt(np.linalg.eigvalsh(made.covs)[:, -1]))
     shared = altered(made, shared_jacobian=np.tile(base * np.eye(3), (len(made), 1, 1)))
-    alone, both = (identify_points(t, no_paths(), [target]).hypotheses[0] for t in (made, shared))
-    own = both.covariance - np.diag(np.r_[np.full(3, base**2), np.zeros(3)])
-    for C in (own, both.covariance_relative):
-        # samples give the whole covariance to 4 %, of which the base is most; twice would be two thirds more
-        assert np.diag(C) == pytest.approx(np.diag(alone.covariance), rel=0.25)
+    alone, whole, relative = np.mean([variances(made, shared, target, seed) for seed in range(8)], axis=0)
+    for own in (whole - np.r_[np.full(3, base**2), np.zeros(3)], relative):
+        # samples of a seed give the whole covariance to 4 %, of which the base is most; twice would be two thirds more
+        assert own == pytest.approx(alone, rel=0.25)
+
+
+def variances(made, shared, target, seed):
+    """Return the variances of the pose without and with a shared error, and given that error ``(3, 6)``."""
+    alone, both = (identify_points(t, no_paths(), [target], seed=seed).hypotheses[0] for t in (made, shared))
+    return [np.diag(C) for C in (alone.covariance, both.covariance, both.covariance_relative)]

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from altered import altered
 from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, off, scene
@@ -53,7 +54,8 @@ def test_the_order_of_the_readings_does_not_matter(targets):
     order = np.random.default_rng(3).permutation(len(touches))
     a, b = (identify_points(t, no_paths(), [target]).hypotheses[0] for t in (touches, touches.take(order)))
     xi = SE3.log(SE3.inverse(a.T_world_part) @ b.T_world_part)
-    assert xi @ np.linalg.solve(a.covariance, xi) < 1e-2
+    # a mode that is not normal is at the mean of at least 400 effective samples: both means to 99.9 %
+    assert xi @ np.linalg.solve(a.covariance, xi) < chi2.ppf(0.999, 6) * 2 / 400
     assert set(a.outliers) == set(b.outliers)
     assert b.probability == pytest.approx(a.probability, abs=1e-3)
 

@@ -484,7 +484,8 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
             s
             for s in live
             if (
-                s.restarts < (3 if s is best and s.has_one_maximum() and s.log_evidence > log_unknown else 1) * own.rounds
+                s.restarts
+                < (3 if s is best and s.has_one_maximum() and s.log_evidence > log_unknown else 1) * own.rounds
                 and s.log_missed() > (s.log_evidence if may_be_missed else total) + np.log(own.missing)
             )
             or (s is best and s.restarts < 1.5 * own.rounds and (s.is_doubtful() or s.is_noisy()))

@@ -279,7 +279,7 @@ def see(
         >>> camera = tanteo.read_camera("images/camera.yaml")
         >>> sight = tanteo.see(image, camera, [tanteo.read_part("parts/step_12mm.step")])
         >>> sight.frame, [seen.answer.status for seen in sight.objects]
-        ('camera', ['ambiguous'])
+        ('camera', ['recognized'])
     """
     recognize = see_table if on_table and camera.T_world_camera is not None else see_anywhere
     return recognize(image, camera, parts, top=top, others=others)
