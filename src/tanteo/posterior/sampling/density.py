@@ -46,7 +46,7 @@ class Density:
         objective, prepared = self.objective, self.objective.prepared
         log, zs = _core.marginals(prepared.shape, objective.core, Ts, np.ascontiguousarray(zs))
         # subtract the density with no point on the part, equal at all poses; with a prior pose nothing is subtracted:
-        # the part may be where it was said to be without a reading on it
+        # the part may be at its prior pose without a reading on it
         log = log + np.log(np.maximum(-np.expm1(np.minimum(self.log_untouched - log, 0.0)), 1e-300))
         log += self.log_constant
         if is_gauge_fixed(prepared, named=objective.named):
