@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
+from sensing_scenes import EXACT_MACHINE
 from tanteo.geometry import SE3, SO3
 from tanteo.planning import Probe, Sensing, Session, Stop, at_place
 from tanteo.posterior import prepare
@@ -25,7 +26,9 @@ def touched_session(*parts):
     """Return a session with touches of the first part face by face and one beam that hit nothing, no plan."""
     targets = [prepare(part) for part in parts]
     session = Session(
-        at_place(targets, TRUTH @ SE3.from_parts(np.eye(3), parts[0].centroid), ROUGH), TOUCH, Sensing(sd=SD)
+        at_place(targets, TRUTH @ SE3.from_parts(np.eye(3), parts[0].centroid), ROUGH),
+        TOUCH,
+        Sensing(sd=SD, shared_errors=EXACT_MACHINE),
     )
     session.stop = Stop(tolerance=1e-3)
     all_ = replace(touches(parts[0], np.random.default_rng(3), n=2), features=("",) * 2 * len(parts[0].planes),

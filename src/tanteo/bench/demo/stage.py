@@ -26,6 +26,7 @@ from tanteo.planning.policies import policy_named
 from tanteo.planning.start import Start
 from tanteo.posterior import Hypothesis, PreparedPart, Priors, prepare
 from tanteo.sensors import Readings
+from tanteo.sensors.error_states import Drift, Form, Scale
 from tanteo.sensors.presets import NoiseLaw
 
 if TYPE_CHECKING:
@@ -36,6 +37,9 @@ KEPT = "hypotheses.csv"
 """File of the image's hypotheses."""
 MOST = 25
 """Readings at most."""
+_EXACT = Scale(1e-9), Drift(1e-9), Form(1e-9)
+"""Scale, drift and warp of the simulated arm and part, which has none."""
+
 _LASER = Probe(
     "laser", NoiseLaw.of(_NOISE), max_range=0.3, standoff=0.1, clearance=0.01, approach=np.array([0.0, 0.0, -1.0]),
     cone=np.radians(80.0), workspace=Workspace.above(0.0),
@@ -89,7 +93,7 @@ class Stage:
 
     def session(self, policy: str, seed: int, stop: Stop = STOP) -> Session:
         """Return a new session."""
-        return Session(self.start, _LASER, Sensing(sd=_NOISE), policy_named(policy), stop, seed)
+        return Session(self.start, _LASER, Sensing(sd=_NOISE, shared_errors=_EXACT), policy_named(policy), stop, seed)
 
     def reader(self, seed: int) -> Callable[[Action], Readings]:
         """Return the simulated laser: rays on the true part, with noise from the seed."""

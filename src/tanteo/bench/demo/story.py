@@ -57,7 +57,7 @@ def run_demo(emit: Callable[[str], None], seed: int = 0) -> Observation:
     emit("")
     _emit_image(stage, emit)
     emit("")
-    emit("A laser (0.3 mm, from above) measures where it is most informative:")
+    emit("A laser (0.3 mm, from above, on an exact arm) measures where it is most informative:")
     session = stage.session("information", seed)
     _sense(session, stage.reader(seed), emit)
     answer = session.answer()
