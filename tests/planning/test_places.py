@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER, as_rows, drawn_truth, new_session, of_plan, rough, sense
+from sensing_scenes import EXACT_MACHINE, LASER, as_rows, drawn_truth, new_session, of_plan, rough, sense
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.parts import named_feature, read_part
@@ -141,7 +141,7 @@ def test_a_session_ends_with_the_feature_placed_as_reason(wedge):
     _, T = drawn_truth(start, np.random.default_rng(7))
     counts = {}
     for feature in (None, "face 3"):
-        session = new_session(start, LASER, tolerance=0.8e-3, feature=feature, probability=None)
+        session = new_session(start, tolerance=0.8e-3, feature=feature, probability=None, errors=EXACT_MACHINE)
         end = sense(session, wedge, T, np.random.default_rng(8))
         assert end.reached, end.message
         counts[feature] = session.count

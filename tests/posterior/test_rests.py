@@ -50,7 +50,7 @@ def mean_of_prior(part, planes, count, seed):
     t = np.linalg.solve(np.concatenate([N, free]), right.T).T
     Ts = np.tile(np.eye(4), (count, 1, 1))
     Ts[:, :3, :3], Ts[:, :3, 3] = R, t
-    core = problem.log_pose_priors(prepared)
+    core = problem.compiled(prepared)
     log_p = _core.log_densities(prepared.shape, core, Ts, np.zeros((count, 0))) + problem.log_pose_density(prepared)
     sds = np.array([plane.sd for plane in planes])
     log_q = -0.5 * np.sum((heights / sds) ** 2, axis=1) - np.sum(np.log(sds * np.sqrt(2 * np.pi)))
