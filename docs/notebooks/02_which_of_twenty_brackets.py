@@ -93,7 +93,7 @@ targets = [prepare(part) for part in parts]
 
 def identify(readings, targets):
     """Return the answer for unlabelled readings."""
-    return identify_points(*Sensing().touches(readings), targets, top=20)
+    return identify_points(*Sensing().touches(readings)[:2], targets, top=20)
 
 
 def probabilities(answer):

@@ -107,7 +107,7 @@ def carried_out(readings, truth):
     ranges = ranges[hit] + SD * rng.normal(size=int(hit.sum()))
     points = origins[hit] + ranges[:, None] * directions[hit]
     sensed = Readings.from_columns(points, directions=directions[hit], sds=np.full(len(points), SD))
-    best = identify_points(*Sensing().touches(sensed), [target], priors=priors).hypotheses[0]
+    best = identify_points(*Sensing().touches(sensed)[:2], [target], priors=priors).hypotheses[0]
     off = np.linalg.norm(SE3.apply(best.T_world_part, corners) - SE3.apply(truth, corners), axis=1).max()
     return 1e3 * off, 1e3 * best.corner_sd, bool(hit.all())
 
