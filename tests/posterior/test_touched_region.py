@@ -36,39 +36,29 @@ def test_a_hole_centre_has_no_density_per_length():
     np.testing.assert_array_equal(scales[8:], 0.0)
 
 
-def test_touched_faces_have_one_factor_of_their_area_each():
-    """The touched face of area A_f has the prior A_f / (2 A) and the density 1 / A_f of each touch."""
+def touches_of_the_top(tried, count):
+    """Return touches of the top of a block, evaluated at the true pose, and the fraction of its area."""
     part = prepare(tanteo.read_part(PARTS / "block.step"))
-    z, size = part.part.box[1, 2], np.ptp(part.part.box, axis=0)
-    rng = np.random.default_rng(1)
-    top = part.part.box[0, :2] + size[:2] * rng.uniform(0.05, 0.95, (60, 2))
-    top = np.c_[top, np.full(60, z)]
-    top = top[np.abs(part.surface.closest(top).distances) < 1e-9][:8]
-    problem = Problem(
-        as_contact_points(measure(tanteo.Readings.from_columns(top, sds=np.full(8, 1e-5)))),
-        FreeRays.none(), tanteo.Priors(radius=0.2),
-    )  # fmt: skip
+    low, size = part.part.box[0], np.ptp(part.part.box, axis=0)
+    top = low[:2] + size[:2] * np.random.default_rng(1).uniform(0.05, 0.95, (tried, 2))
+    top = np.c_[top, np.full(tried, part.part.box[1, 2])]
+    top = top[np.abs(part.surface.closest(top).distances) < 1e-9][:count]
+    readings = tanteo.Readings.from_columns(top, sds=np.full(count, 1e-5))
+    problem = Problem(as_contact_points(measure(readings)), FreeRays.none(), tanteo.Priors(radius=0.2))
     objective = start_search(problem, part, np.random.default_rng(0)).objective
     found = details_at(objective, np.eye(4)[None], np.zeros((1, problem.states)))
-    face = part.part.faces[found.faces[0, 0]]
-    fraction = face.area / part.part.area
+    return found, part.part.faces[found.faces[0, 0]].area / part.part.area
+
+
+def test_touched_faces_have_one_factor_of_their_area_each():
+    """The touched face of area A_f has the prior A_f / (2 A) and the density 1 / A_f of each touch."""
+    found, fraction = touches_of_the_top(60, 8)
     odds = np.log(found.designs[-1, 0] / found.designs[0, 0])
     assert np.isclose(odds, np.log(0.25 / 0.5 * fraction / 2) - 8 * np.log(fraction), atol=0.02)
     np.testing.assert_allclose(np.exp(found.design_scales[-1, 0]), 1 / fraction, rtol=1e-6)
 
 
 def test_places_of_a_scan_are_worth_fifty_on_touched_faces():
-    """So one point of a scan at a border does not outweigh the fit of all others."""
-    part = prepare(tanteo.read_part(PARTS / "block.step"))
-    low, size = part.part.box[0], np.ptp(part.part.box, axis=0)
-    top = low[:2] + size[:2] * np.random.default_rng(1).uniform(0.05, 0.95, (900, 2))
-    top = np.c_[top, np.full(900, part.part.box[1, 2])]
-    top = top[np.abs(part.surface.closest(top).distances) < 1e-9][:200]
-    problem = Problem(
-        as_contact_points(measure(tanteo.Readings.from_columns(top, sds=np.full(200, 1e-5)))),
-        FreeRays.none(), tanteo.Priors(radius=0.2),
-    )  # fmt: skip
-    objective = start_search(problem, part, np.random.default_rng(0)).objective
-    found = details_at(objective, np.eye(4)[None], np.zeros((1, problem.states)))
-    fraction = part.part.faces[found.faces[0, 0]].area / part.part.area
+    """One point of a scan at a border then does not outweigh the fit of all others."""
+    found, fraction = touches_of_the_top(900, 200)
     np.testing.assert_allclose(np.exp(found.design_scales[-1, 0]), (1 / fraction) ** (50 / 200), rtol=1e-6)

@@ -40,7 +40,7 @@ class Table:
             raise InputError(f"table, leaning: expected a probability above 0, got {self.leaning}. 1 is any pose.")
         length = float(np.linalg.norm(self.normal))
         if not (np.isfinite(length) and length > 0):
-            raise InputError("table: expected a normal with a length. Check it.")
+            raise InputError("plane: expected a normal that is not zero, got (0, 0, 0). Correct it.")
         check_places("table", np.asarray(self.point))
         check_length("table, sd", self.sd, LEAST_SD)
         object.__setattr__(self, "point", np.array(self.point, dtype=np.float64))
