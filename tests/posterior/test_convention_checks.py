@@ -97,6 +97,27 @@ def test_noise_is_no_offset_and_no_scale(blocks, noise, seeds):
         assert not [one for one in answer.findings if isinstance(one, (OffsetQuestion, ScaleQuestion))]
 
 
+def test_groups_with_offsets_of_their_own_are_named(blocks):
+    points, normals = touches(blocks[0], np.random.default_rng(8), n=20)
+    fast = np.arange(20) % 2 == 0
+    answer = identified(
+        blocks, points + np.where(fast, 1e-3, 0.0)[:, None] * normals,
+        directions=-normals, groups=np.where(fast, "fast", "slow").tolist(),
+    )  # fmt: skip
+    (found,) = (one for one in answer.findings if isinstance(one, OffsetQuestion))
+    offsets = dict(zip(found.groups, found.offsets, strict=True))
+    assert answer.status == "unknown"
+    assert abs(abs(offsets["fast"] - offsets["slow"]) - 1e-3) < 5 * SD
+    assert "group=" in found.message
+
+
+def test_groups_without_offsets_are_no_cause(blocks):
+    points, normals = touches(blocks[0], np.random.default_rng(9), RADIUS, n=20)
+    answer = identified(blocks, points + 0.5 * RADIUS * np.random.default_rng(1).normal(size=points.shape),
+                        directions=-normals, groups=["a", "b"] * 10)  # fmt: skip
+    assert not [one for one in answer.findings if isinstance(one, OffsetQuestion) and one.groups]
+
+
 def test_advised_stock_leaves_the_truth_inside(blocks):
     rng = np.random.default_rng(6)
     points, normals = touches(blocks[0], rng, n=20)

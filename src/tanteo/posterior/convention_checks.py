@@ -30,7 +30,7 @@ from tanteo.posterior.problem import Problem
 from tanteo.posterior.settings import DEFAULTS, Settings
 from tanteo.posterior.trial_fit import TrialFit, trial_fits
 from tanteo.sensors import Column, Readings, Rig, reading_kind, thinned
-from tanteo.sensors.error_states import ErrorState, Offset, Scale, Stock
+from tanteo.sensors.error_states import ErrorState, Offset, OffsetByGroup, Scale, Stock
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
     Convention,
@@ -287,13 +287,17 @@ def _about_image(
 def _about_shared(
     answer: Answer, readings: Readings, parts: Sequence[Part], question: Query, settings: Settings
 ) -> OffsetQuestion | ScaleQuestion | None:
-    """Return the question of one offset or one scale with which all readings fit; None if neither is significant.
+    """Return the question of offsets or one scale with which all readings fit; None if none is significant.
 
-    Both explain a part that is too large. The one with the smaller misfit is named.
+    Groups that the file names come first. One offset and one scale both explain a part that is too large: the one with
+    the smaller misfit is named. Stock on each face comes last.
     """
-    offset = _offset_answer(readings, parts, question, settings)
     best = answer.hypotheses[0].part if answer.hypotheses else ""
-    named = part_named(parts, best if offset is None else offset[0].hypotheses[0].part)
+    likely = part_named(parts, best)
+    if likely is not None and (grouped := _about_groups(likely, readings, question, settings)):
+        return grouped
+    offset = _offset_answer(readings, parts, question, settings)
+    named = likely if offset is None else part_named(parts, offset[0].hypotheses[0].part)
     scale = None if named is None else _shared_answer(readings, [named], question, Scale(_SHARED_SD), settings)
     found = min((one for one in (offset, scale) if one is not None), key=_misfit, default=None)
     if found is None:
@@ -304,31 +308,79 @@ def _about_shared(
     return OffsetQuestion(*_fitting(fitted), value, bool(readings.points.given.any()))
 
 
-def _about_stock(part: Part, readings: Readings, question: Query, settings: Settings) -> OffsetQuestion | None:
-    """Return the question of stock on the faces of the part with which all readings fit; None if there is none.
+def _about_groups(part: Part, readings: Readings, question: Query, settings: Settings) -> OffsetQuestion | None:
+    """Return the question of an offset of each group of readings with which all fit; None if there is none.
 
-    The amounts of opposite faces are known by their sum only, so they are tested together: Hotelling's statistic of all
-    amounts against none, at one in a million.
+    Args:
+        part: the part that fits best.
+        readings: the readings.
+        question: options of the inference.
+        settings: settings of the inference.
     """
+    if len(set(readings.groups) - {""}) < 2:
+        return None
+    found = _answer_with_offsets(part, readings, question, OffsetByGroup(_shared_sd([part])), settings)
+    if found is None:
+        return None
+    answer, names, values, sds, _ = found
+    largest, named = max(values, key=abs), tuple(name.removeprefix("group ") for name in names)
+    return OffsetQuestion(
+        *_fitting(answer), largest, bool(readings.points.given.any()), groups=named, offsets=values, sds=sds
+    )
+
+
+def _about_stock(part: Part, readings: Readings, question: Query, settings: Settings) -> OffsetQuestion | None:
+    """Return the question of stock on the faces of the part with which all readings fit; None if there is none."""
     touched = readings.points.given & ~readings.is_free
     aimed = readings.directions.given | readings.normals.given
     if not aimed[touched].all() or readings.ranges.given.any():
         return None
-    error = Stock(_SHARED_SD * float(max(sizes_of([part]))))
-    try:
-        found = question.answer(readings, [part], shared_errors=(error,))
-    except TanteoError:
-        return None
-    best = found.best
-    estimates = next((one for one in found.findings if isinstance(one, SharedEstimates)), None)
-    if estimates is None or best is None or best.outliers or not fits(found, settings):
+    found = _answer_with_offsets(part, readings, question, Stock(_shared_sd([part])), settings)
+    if found is None:
         return None
     from scipy.optimize import nnls  # slow to import
     from scipy.stats import chi2
-    from scipy.stats import f as f_distribution
 
-    faces = tuple(name[len("stock of ") :] for name in estimates.names if name.startswith("stock "))
-    if not (count := len(faces)):
+    answer, faces, values, sds, covariance = found
+    root = np.linalg.cholesky(np.linalg.inv(covariance)).T
+    if nnls(root, root @ np.array(values))[1] ** 2 > chi2.ppf(1 - NOTABLE, len(values)):
+        return None  # a part that is too small: stock is outside of it
+    return OffsetQuestion(*_fitting(answer), max(values), touched=True, faces=faces, offsets=values, sds=sds)
+
+
+def _shared_sd(parts: Sequence[Part]) -> float:
+    """Return the standard deviation of an unstated offset [m]."""
+    return _SHARED_SD * float(max(sizes_of(parts)))
+
+
+def _answer_with_offsets(
+    part: Part, readings: Readings, question: Query, error: ErrorState, settings: Settings
+) -> tuple[Answer, tuple[str, ...], tuple[float, ...], tuple[float, ...], np.ndarray] | None:
+    """Return the answer with offsets of faces or groups, their names, values, sds and covariance; None without them.
+
+    Offsets of opposite faces are known by their sum only, so all are tested together: Hotelling's statistic of all of
+    them against none, at one in a million.
+
+    Args:
+        part: the part.
+        readings: the readings.
+        question: options of the inference.
+        error: the offsets, whose states are named "... of NAME".
+        settings: settings of the inference.
+    """
+    try:
+        answer = question.answer(readings, [part], shared_errors=(error,))
+    except TanteoError:
+        return None
+    best = answer.best
+    estimates = next((one for one in answer.findings if isinstance(one, SharedEstimates)), None)
+    if estimates is None or best is None or best.outliers or not fits(answer, settings):
+        return None
+    from scipy.stats import f as f_distribution  # slow to import
+
+    of_error = error.name.split()[0]
+    names = tuple(name.split(" of ", 1)[1] for name in estimates.names if name.startswith(of_error))
+    if not (count := len(names)):
         return None
     rows = slice(estimates.first + len(estimates.names) - count, estimates.first + len(estimates.names))
     values, sds = estimates.values[-count:], estimates.sds[-count:]
@@ -336,10 +388,7 @@ def _about_stock(part: Part, readings: Readings, question: Query, settings: Sett
     statistic = float(np.array(values) @ np.linalg.solve(covariance, np.array(values))) / count
     if best.dof < count or f_distribution.sf(statistic, count, best.dof) > _CHANCE:
         return None
-    root = np.linalg.cholesky(np.linalg.inv(covariance)).T
-    if nnls(root, root @ np.array(values))[1] ** 2 > chi2.ppf(1 - NOTABLE, count):
-        return None  # a part that is too small: stock is outside of it
-    return OffsetQuestion(*_fitting(found), max(values), touched=True, faces=faces, offsets=values, sds=sds)
+    return answer, names, values, sds, covariance
 
 
 def _misfit(found: tuple[Answer, float, float]) -> float:
@@ -353,7 +402,7 @@ def _offset_answer(
     """Return the answer with one common offset, the offset and its sd [m]; None if there is none."""
     if all(reading_kind(kind).is_centre or kind == "free" for kind in readings.kinds):
         return None  # a centre has neither a radius nor an approach
-    sd = _SHARED_SD * max(sizes_of(parts))
+    sd = _shared_sd(parts)
     try:
         trials = trial_fits(*question.problem(readings, parts), offset_sd=sd)
     except TanteoError:

@@ -383,6 +383,13 @@ class Settings:
     unknown: UnknownSettings = UnknownSettings()
     checks: CheckSettings = CheckSettings()
 
+    def __repr__(self) -> str:
+        """Return the fields that differ from their defaults."""
+        groups = [(group.name, getattr(self, group.name), group.default) for group in fields(self)]
+        changed = [f"{name}.{one.name}={getattr(own, one.name)!r}" for name, own, usual in groups for one in fields(own)
+                   if getattr(own, one.name) != getattr(usual, one.name)]  # fmt: skip
+        return f"Settings({', '.join(changed)})"
+
     @property
     def first_pass(self) -> Effort:
         """Effort of a first-pass search, which proposes no pairs where poses are known."""

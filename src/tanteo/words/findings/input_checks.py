@@ -250,7 +250,8 @@ class OffsetQuestion(Finding):
         touched: whether a tip touched; otherwise a range sensor measured.
         given: number of all readings, where only some were tried; otherwise 0.
         faces: names of the faces, if each has an offset of its own: stock; otherwise empty.
-        offsets: offset of each face [m].
+        groups: names of the groups of readings, if each has an offset of its own; otherwise empty.
+        offsets: offset of each face or group [m].
         sds: standard deviation of each of these [m].
     """
 
@@ -264,6 +265,7 @@ class OffsetQuestion(Finding):
     touched: bool
     given: int = 0
     faces: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
     offsets: tuple[float, ...] = ()
     sds: tuple[float, ...] = ()
 

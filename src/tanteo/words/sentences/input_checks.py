@@ -188,9 +188,16 @@ def _(one: f.Convention) -> Words:
 
 @words_of.register
 def _(one: f.OffsetQuestion) -> Words:
+    rows = zip(one.faces or one.groups, one.offsets, one.sds, strict=True)
+    each = listed(
+        [f"{1e3 * value:.2f} +- {1e3 * sd:.2g} mm {'on' if one.faces else 'of'} {name}" for name, value, sd in rows]
+    )
+    if one.groups:
+        return (
+            f"{_fitting(one)} if each group of readings has an offset along its approach: {each}.{_tried(one)}",
+            f"Omit the groups that are off, or state the offset (--bias-sd group={1e3 * abs(one.offset):.2g}mm).",
+        )
     if one.faces:
-        rows = zip(one.faces, one.offsets, one.sds, strict=True)
-        each = listed([f"{1e3 * value:.2f} +- {1e3 * sd:.2g} mm on {face}" for face, value, sd in rows])
         return (
             f"{_fitting(one)} if its faces carry stock: {each}.{_tried(one)}",
             f"State it (--stock {1e3 * one.offset:.2g}mm): the pose is then as uncertain as the stock.",
