@@ -153,6 +153,18 @@ class Contents:
         return values
 
 
+_STAMP = re.compile(r"^\s*\[?(?:\d{4}-\d\d-\d\d[ T])?\d{1,2}:\d\d:\d\d(?:[.,]\d{1,6})?\]?\s*(?:->|\])?[ \t]*", re.MULTILINE)
+
+
+def without_stamps(text: str) -> str:
+    """Return the text without the time that a serial monitor writes before each line: ``12:30:01.123 -> ``.
+
+    Args:
+        text: lines of a console.
+    """
+    return _STAMP.sub("", text)
+
+
 def is_whole(word: str) -> bool:
     """Return whether a word is a whole number of at most 18 ASCII digits.
 

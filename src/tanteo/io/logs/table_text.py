@@ -6,6 +6,7 @@ import csv
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import TextIO
 
@@ -67,12 +68,14 @@ class TableText:
         delimiter: character between cells.
         decimal_comma: whether numbers have a decimal comma.
         titles: number of lines above the header, without blank lines and comments.
+        converted: table that the file's other format was converted to; None where the file is the table.
     """
 
     encoding: str = "utf-8-sig"
     delimiter: str = ","
     decimal_comma: bool = False
     titles: int = 0
+    converted: str | None = None
 
     def open(self, path: Path) -> TextIO:
         """Open a file in this format.
@@ -80,7 +83,16 @@ class TableText:
         Args:
             path: file to open.
         """
-        return path.open(encoding=self.encoding, newline="")
+        return path.open(encoding=self.encoding, newline="") if self.converted is None else StringIO(self.converted)
+
+    def place(self, path: Path, number: int) -> str:
+        """Return the place of a line for messages.
+
+        Args:
+            path: the file.
+            number: line of the table, counted from 1.
+        """
+        return f"{path}, line {number}" if self.converted is None else f"{path}, object {number - 1}"
 
     def note(self) -> str:
         """Return a sentence on an unusual encoding or decimal commas; empty if there are none."""

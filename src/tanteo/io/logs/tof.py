@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.io.logs.contents import Contents, is_whole
+from tanteo.io.logs.contents import Contents, is_whole, without_stamps
 from tanteo.io.logs.log import Log, counted
 
 VALID, NO_TARGET = (5, 9), 255
@@ -31,9 +31,13 @@ LEAST_CONFIDENCE = 20
 FARTHEST = 6_000
 """Largest plausible distance [mm]; no such device has a larger range."""
 
-_ZONE = re.compile(
-    r"Zone\s*:\s*(\d{1,6})\s*,\s*Status\s*:\s*(\d{1,6})\s*,\s*Distance\s*:\s*(-?\d{1,6})\s*mm", re.IGNORECASE
-)
+_ZONE = re.compile(r"\bZone\s*:\s*(\d{1,6})\s*,(.*)", re.IGNORECASE)
+_OF_ZONE = {
+    "status": re.compile(r"status\s*:\s*(\d{1,6})", re.IGNORECASE),
+    "distance": re.compile(r"dist(?:ance|\.)?\s*:\s*(-?\d{1,6})\s*mm", re.IGNORECASE),
+    "targets": re.compile(r"targets\s*:\s*(\d{1,3})", re.IGNORECASE),
+}
+"""Fields of a line of one zone, of which the first counts; the examples of ST print different sets of them."""
 _CELL = re.compile(r"\|\s*(-?\d{1,6}|X)\s*:\s*(\d{1,6}|X)(?=\s*(?:\||$))")
 _COLOUR = re.compile(r"\x1b\[[\d;]*[A-Za-z]")
 _GRID = re.compile(r"\d{1,5}(?:\s*\(\s*\d{1,3}\s*\))?(?:[\s,]+\d{1,5}(?:\s*\(\s*\d{1,3}\s*\))?)*,?")
@@ -45,6 +49,11 @@ _RESULT = re.compile(
 )
 _NEAREST, _UNUSED = 18, (8, 17)
 """Number of results of nearest objects, and those that 4 x 4 zones do not use."""
+_NAMED = re.compile(r"[^,;\d|:]*[A-Za-z][^,;|:]*(?:[,;][^,;|:]+){2,}$")
+_NUMERIC = re.compile(r"-?[\d.]+(?:[\s,;]+-?[\d.]+){15,}[,;]?")
+_NUMBERS = re.compile(r"\s*[,;]\s*|\s+")
+_CHECKED, _BEFORE = 20, 2
+"""Number of lines that decide whether each is a frame, and largest number of other numbers before its zones."""
 _RESULTS = np.array([6, 15, 7, 16, 4, 13, 5, 14, 2, 11, 3, 12, 0, 9, 1, 10])
 _CORNERS = {0: 8, 1: 10, 2: 0, 3: 2}
 """First zone of each of the four captures."""
@@ -81,6 +90,12 @@ def _of_status(zone: int, distance: str, status: str, side: int) -> _Seen:
     return _Seen(zone, float("nan") if free else float(distance), free, reliable, side)
 
 
+def _of_line(zone: int, fields: str, side: int) -> _Seen:
+    found = {name: None if (m := pattern.search(fields)) is None else m[1] for name, pattern in _OF_ZONE.items()}
+    nothing = found["targets"] == "0" or found["distance"] is None
+    return _of_status(zone, found["distance"] or "0", str(NO_TARGET) if nothing else found["status"] or "5", side)
+
+
 def _of_confidence(zone: int, distance: int, confidence: int, side: int) -> _Seen:
     free = distance == 0
     return _Seen(zone, float("nan") if free else float(distance), free, free or confidence >= LEAST_CONFIDENCE, side)
@@ -92,12 +107,17 @@ def recognise(contents: Contents) -> bool:
     Args:
         contents: file to test.
     """
-    head = _COLOUR.sub("", contents.head)
-    if _ZONE.search(head) or _OBJECT.search(head) or _RESULT.search(head) or _GRIDS.search(head):
+    head = without_stamps(_COLOUR.sub("", contents.head))
+    if any(_OF_ZONE["distance"].search(m[2]) for m in _ZONE.finditer(head)) or _OBJECT.search(head) or _RESULT.search(head) or _GRIDS.search(head):
         return True
     if "|" in head and len(_CELL.findall(head)) >= 4 and "Status" in head:
         return True
-    blocks = _blocks(head.splitlines())
+    lines = [line.strip() for line in head.splitlines() if line.strip()]
+    if lines and _NAMED.match(lines[0]):  # the header of a table
+        return False
+    if _side_of_rows(lines[:_CHECKED]):
+        return True
+    blocks = _blocks(lines)
     whole = [block for block in blocks if len(block) == len(block[0]) and len(block) in (4, 8)]
     return bool(whole) and whole[0] is blocks[0] and (len(whole[0]) == 8 or len(whole) > 1)
 
@@ -111,19 +131,22 @@ def read(contents: Contents) -> Log:
     Raises:
         ReadingsError: there is no complete frame or no reliable zone, or the frames differ in size.
     """
-    text = _COLOUR.sub("", contents.text)
+    text = without_stamps(_COLOUR.sub("", contents.text))
     notes: list[str] = []
     if _OBJECT.search(text) or _RESULT.search(text):
-        results = _objects(contents, text) if _OBJECT.search(text) else _printed(text)
-        logs = [_log(contents, seen, notes) for seen in _grids_of(contents, results)]
+        results = _objects(contents, text, notes) if _OBJECT.search(text) else _printed(text)
+        logs = [_log(contents, seen, [*notes]) for seen in _grids_of(contents, results)]
         return replace(logs[0], alternatives=tuple(logs[1:]))
     if _GRIDS.search(text):
         seen = _two_grids(contents, text)
     elif _ZONE.search(text):
-        side = 8 if max(int(zone) for zone, _, _ in _ZONE.findall(text)) > 15 else 4
-        seen = [_of_status(int(z), d, s, side) for z, s, d in _ZONE.findall(text)]
+        side = 8 if max(int(zone) for zone, _ in _ZONE.findall(text)) > 15 else 4
+        seen = [_of_line(int(zone), fields, side) for zone, fields in _ZONE.findall(text)]
     elif _CELL.search(text):
         seen = _cells(text)
+    elif side := _side_of_rows([line.strip() for line in text.splitlines() if line.strip()][:_CHECKED]):
+        seen = _frames(contents, text, side)
+        notes.append("The frames have no status codes: all distances above zero are taken as valid.")
     else:
         seen, stated = _grids(text)
         if not stated:
@@ -202,6 +225,28 @@ def _grids(text: str) -> tuple[list[_Seen], bool]:
     return seen, stated
 
 
+def _side_of_rows(lines: list[str]) -> int:
+    """Return the side of the frames of which each line is one, after up to two other numbers; 0 for other lines."""
+    counts = {len(_NUMBERS.split(line.rstrip(",; "))) for line in lines if _NUMERIC.fullmatch(line)}
+    if len(counts) != 1 or sum(_NUMERIC.fullmatch(line) is not None for line in lines) < len(lines):
+        return 0
+    count = counts.pop()
+    return next((side for side in (8, 4) if 0 <= count - side * side <= _BEFORE), 0)
+
+
+def _frames(contents: Contents, text: str, side: int) -> list[_Seen]:
+    """Return zones from lines of which each is a frame, first zone first."""
+    out = []
+    for k, line in enumerate(map(str.strip, text.splitlines()), start=1):
+        if not line:
+            continue
+        words = _NUMBERS.split(line.rstrip(",; "))[-side * side :]
+        if len(words) < side * side or not all(is_whole(word) for word in words):
+            contents.fail(f"{side * side} whole numbers of a frame", f"'{line[:40]}'", "Remove the line.", k)
+        out += [_of_status(i, word, str(VALID[0]), side) for i, word in enumerate(words)]
+    return out
+
+
 def _two_grids(contents: Contents, text: str) -> list[_Seen]:
     """Return zones from alternating grids of distances and confidences."""
     blocks = [b for b in _blocks(text.splitlines()) if len(b) == len(b[0]) == 8]
@@ -217,13 +262,16 @@ def _two_grids(contents: Contents, text: str) -> list[_Seen]:
     ]
 
 
-def _objects(contents: Contents, text: str) -> list[_Results]:
+def _objects(contents: Contents, text: str, notes: list[str]) -> list[_Results]:
     """Return the nearest objects of each line of the Arduino driver."""
     out = []
     for k, line in enumerate(text.splitlines(), start=1):
         if not line.startswith("#Obj"):
             continue
         words = line.strip().split(",")
+        if len(words) < 78 and contents.is_open and k == len(text.splitlines()) and out:
+            notes.append("The last line is cut off and was excluded.")
+            break
         if len(words) != 78 or not all(is_whole(word) for word in words[1:]):
             contents.fail("#Obj with 77 whole numbers", f"{len(words) - 1}", "Remove the line; was it cut off?", k)
         pairs = np.array([int(word) for word in words[6:]]).reshape(-1, 2)

@@ -21,6 +21,7 @@ from tanteo.io.readings.assembling import LARGEST
 from tanteo.io.readings.columns import ANGLES, DIRECTION, NORMAL, OUTWARD, POINT, QUATERNION, Column, groups
 from tanteo.io.readings.frames import Frames
 from tanteo.io.readings.hand_columns import ABB, notation_of
+from tanteo.io.readings.range_rows import RangeRows
 
 _LARGEST_TIP = 1.0
 """Largest accepted tip radius [m]."""
@@ -59,7 +60,7 @@ class Sheet:
     columns: tuple[Column, ...]
     text: TableText
     above: int
-    frames: Frames | None = None
+    frames: Frames | RangeRows | None = None
 
     @cached_property
     def by_base(self) -> Mapping[str, Column]:
@@ -77,7 +78,7 @@ class Sheet:
             lines = Lines(text, self.text.titles)
             rows = csv.reader(lines, strict=True, delimiter=self.text.delimiter)
             next(islice(rows, row + self.above, None), None)
-            return f"{self.path}, line {lines.number}"
+            return self.text.place(self.path, lines.number)
 
     def refuse(self, row: int, name: str, value: str, expected: str) -> NoReturn:
         """Raise an error about one cell.

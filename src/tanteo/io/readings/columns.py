@@ -141,7 +141,7 @@ def read_header(
     names = [with_unit(name, unit) for name, unit in zip(names, below, strict=True)] if below else names
     notation = notation_of(names)
     own = {name: _brand_unit(name, brand, notation) for name in names}
-    clear = _are_clear(names)
+    clear = _are_clear(names) or _are_ranges(names, placed=placed)
     columns = tuple(
         _time_column(name, shown)
         if timed and name in TIMES
@@ -183,6 +183,12 @@ def _are_clear(names: Sequence[str]) -> bool:
     return all(
         any(name == axis or name in {f"{axis}_{unit}" for unit in LENGTH_UNITS} for name in names) for axis in POINT
     )
+
+
+def _are_ranges(names: Sequence[str], *, placed: bool) -> bool:
+    """Return whether the names contain a range and the whole pose of the hand, so that others can be excluded."""
+    bases = {name.rpartition("_")[0] if name.rpartition("_")[2] in (*LENGTH_UNITS, *ANGLE_UNITS) else name for name in names}
+    return "range" in bases and (placed or set(hand_group(bases)) <= bases)
 
 
 def _read_name(name: str, written: str, place: str, unit: str | None, *, clear: bool) -> Column:

@@ -9,6 +9,7 @@ refused where its meaning is unknown.
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,8 @@ _REP_117 = {
 _MARK = {"none": "none", "near": "invalid", "error": "invalid"}
 _FAR = 4_000.0
 """Smallest code that is suspected of a device without known codes [mm]; no shipped preset has a larger range."""
+_BEYOND = 100.0
+"""Largest distance [m]; a larger number of a few readings is a code."""
 _CLOSE = 1e-9
 """Relative difference within which two numbers of a file are the same."""
 _FEW = 0.2
@@ -134,7 +137,7 @@ def _strange(
 ) -> tuple[int | None, str]:
     """Return the first cell that is no distance of unknown meaning, and a sentence on it."""
     unmarked = marks == ""
-    below = np.flatnonzero(unmarked & (values <= 0))
+    below = np.flatnonzero(unmarked & ((values <= 0) | (values * metre > _BEYOND)))
     lettered = np.flatnonzero(unmarked & np.isnan(values) & np.array([bool(cell) for cell in bare], dtype=bool))
     codes = {value: names for value, names in known_codes().items() if value >= _FAR}
     far = [
@@ -148,9 +151,10 @@ def _strange(
     k, names = first[0]
     known = names or known_codes().get(float(values[k]) if np.isfinite(values[k]) else math.nan, ())
     like = f", as {' and '.join(known[:3])} write{'s' if len(known) == 1 else ''} it" if known else ""
+    typed = shlex.quote(bare[k][:30])
     return k, (
         f"a distance, got '{bare[k][:30]}', probably a code for no measurement{like}. State what it means: "
-        f"--no-target {bare[k][:30]} if nothing was in range (or status none in the row), --invalid {bare[k][:30]} "
+        f"--no-target {typed} if nothing was in range (or status none in the row), --invalid {typed} "
         "to exclude the row, or name the sensor's preset in the rig or with --sensor"
     )
 

@@ -13,6 +13,7 @@ import numpy as np
 from tanteo.errors import ReadingsError
 from tanteo.geometry import SO3
 from tanteo.io.logs.contents import lost_digits
+from tanteo.io.logs.json_table import is_json_of_ranges, table_of_json
 from tanteo.io.logs.table_text import HEAD_BYTES, Lines, TableText, sniff
 from tanteo.io.poses.transforms import Track
 from tanteo.io.readings import units
@@ -21,6 +22,8 @@ from tanteo.io.readings.cells import Sheet
 from tanteo.io.readings.columns import DIRECTION, HAND, NORMAL, POINT, read_header
 from tanteo.io.readings.frames import find_frames
 from tanteo.io.readings.headers import canonical, units_row, with_height
+from tanteo.io.readings.range_rows import range_header
+from tanteo.io.readings.list_cells import find_lists
 from tanteo.io.readings.stated import Stated
 from tanteo.io.readings.table import Table
 from tanteo.replaced import replaced
@@ -28,6 +31,9 @@ from tanteo.sensors import Column, Readings, reading_kind
 
 CHUNK = 50_000
 """Number of rows converted at a time, which limits the text in memory."""
+
+_LARGEST_JSON = 200_000_000
+"""Largest number of characters of a JSON document that is read."""
 
 _LAST = 50
 """Number of rows whose decimals are compared with those of the last cell."""
@@ -50,6 +56,9 @@ def read_table(path: Path, start: bytes, stated: Stated, progress: Callable[[int
         UnitError: a unit is missing, unknown or contradictory.
     """
     how = sniff(start[:HEAD_BYTES], whole=len(start) <= HEAD_BYTES)
+    if how is not None and is_json_of_ranges(start[:HEAD_BYTES].decode(how.encoding, errors="replace")):
+        with how.open(path) as text:
+            how = TableText(converted=table_of_json(text.read(_LARGEST_JSON)))
     if how is None:
         raise ReadingsError(
             f"{path}: expected a text file (UTF-8, commas) or a format of docs/formats.md, got a binary one. Export it "
@@ -107,10 +116,14 @@ def _read_rows(
             rest = (_with_height(row, len(flat)) for row in rest)
             below = None if below is None else [*below[: len(header)], below[_named_x(header)], ""]
             header = flat
+        lists = find_lists(header, second)
+        if lists is not None:
+            rest, header = (lists.row(row) for row in rest), list(lists.header)
         analog = find_analog(header, place, stated.analog)
         if analog is not None:
             rest = analog.rows(rest)
             header[analog.index] = "range_mm"
+        header = range_header(header, stated)
         frames = find_frames(header, place, stated) if below is None else None
         if frames is not None:
             rest, header = frames.rows(rest, len(header)), list(frames.header)

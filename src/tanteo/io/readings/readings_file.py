@@ -10,6 +10,7 @@ from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.io.documents.ros_messages import RosOptions
 from tanteo.io.logs.contents import Contents
 from tanteo.io.logs.formats import FORMATS, format_named, read_log, recognise
+from tanteo.io.logs.json_table import is_json_of_ranges
 from tanteo.io.logs.log import LogFormat
 from tanteo.io.logs.named import refuse_by_name
 from tanteo.io.poses.transforms import Track
@@ -120,10 +121,11 @@ def read_readings(
         start = _beginning(path)
         if format is None and is_session(start):
             return session_readings(path)
-        form = named if format is not None else recognise(Contents(start, str(path)))
+        contents = Contents(start, str(path))
+        form = named if format is not None else None if is_json_of_ranges(contents.head) else recognise(contents)
         if form is None:
             if format is None:
-                refuse_by_name(Contents(start, str(path)))
+                refuse_by_name(contents)
             return read_table(path, start, stated, progress)
         return _read_log(path, form, stated)
     except UnicodeDecodeError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 
@@ -36,6 +37,8 @@ _FEW = 3
 """Smallest number of vectors whose lengths are judged."""
 _SHOWN = 20
 """Largest number of excluded columns that a note lists."""
+_WITH_UNIT = re.compile(r"(-?\d+(?:\.\d+)?)\s*(mm|cm|m)")
+_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 INVALID = "invalid"
 """Status of a row without a measurement, which is excluded."""
 _STATUSES, _SIDES = ("ok", "none", INVALID), ("hole", "boss")
@@ -51,6 +54,12 @@ def _are_deviations(vectors: FloatArray | None) -> bool:
         return False
     varied = bool(np.ptp(lengths) > _UNIT_SLACK * lengths.max())
     return bool(lengths.max() < (1 - _UNIT_SLACK if varied else _SHORT))
+
+
+def _without_unit(cell: str, metre: float) -> str:
+    """Return a range cell such as ``142 mm`` as a number in the unit of its column."""
+    match = _WITH_UNIT.fullmatch(cell.strip())
+    return cell if match is None else f"{float(match[1]) * _METRES[match[2]] / metre:.12g}"
 
 
 class Table:
@@ -115,6 +124,8 @@ class Table:
         cells = list(written["range"])
         if self.sheet.text.decimal_comma:
             cells = [cell.replace(",", ".") for cell in cells]
+        if any(cell.endswith("m") for cell in cells):
+            cells = [_without_unit(cell, self.sheet.by_base["range"].factor) for cell in cells]
         status = [cell.strip() for cell in written.get("status", [""] * len(cells))]
         # a row that states to be invalid may have any range; a free beam has none, or a code
         cells = ["" if s == INVALID or (s == "none" and is_code(c)) else c for c, s in zip(cells, status, strict=True)]

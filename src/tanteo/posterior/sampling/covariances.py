@@ -27,13 +27,22 @@ def mode_covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | Non
         return covariance, None
     known = without_symmetry(part, mode.information[:6, :6])
     if len(one.free) > len(symmetry_motions(part)):
-        return covariance, _with_free(None, known, one.free, scale)
+        return covariance, _bounded(known, covariance)
     if len(weak_motions(whole, scale, fixed=symmetry_motions(part))) > len(one.free):
         return covariance, covariance  # only the samples constrain it, and they do not separate pose and shared errors
     # the samples correct the curvature by the same factor, whether the shared errors are known or not
     curved = _with_free(None, whole, one.free, scale)
     given = _with_free(None, known, one.free, scale)
     return covariance, given * min(_times(curved, covariance), _times(given, covariance))
+
+
+def _bounded(information: FloatArray, covariance: Covariances) -> Covariances:
+    """Return the inverse information, at most a covariance in every direction, as a conditional covariance is."""
+    variances, axes = np.linalg.eigh(covariance)
+    L = axes * np.sqrt(variances.clip(0))
+    values, vectors = np.linalg.eigh(L.T @ information @ L)
+    root = L @ (vectors / np.sqrt(np.maximum(values, 1.0)))
+    return np.asarray(root @ root.T)
 
 
 def _times(one: Covariances, other: Covariances) -> float:
