@@ -42,9 +42,13 @@ LAUNCH = """<launch><node pkg="tf2_ros" type="static_transform_publisher" name="
 LAUNCH_PY = """Node(package="tf2_ros", executable="static_transform_publisher", arguments=[
  "--frame-id", "tool0", "--child-frame-id", "laser", "--x", "0.012", "--y", "-0.041", "--z", "0.063",
  "--qx", "0", "--qy", "-0.70710678", "--qz", "0", "--qw", "0.70710678"])"""
+LAUNCH_LIST = """Node(executable='static_transform_publisher',
+ arguments=['0.012', '-0.041', '0.063', '0', '-1.57079633', '0', 'tool0', 'laser'])"""
+URDF_QUATERNION = URDF.replace('rpy="0 -1.5707963267948966 0"', 'quat_xyzw="0 -0.70710678 0 0.70710678"')
+POSE = "position: {x: 0.012, y: -0.041, z: 0.063}\norientation: {x: 0, y: -0.70710678, z: 0, w: 0.70710678}\n"
 FILES = {
     "a.urdf#tof": URDF, "b.yaml": HANDEYE.format(on="true"), "c.calib": HANDEYE2, "d.yaml": STAMPED, "e.launch": LAUNCH,
-    "f.launch.py": LAUNCH_PY,
+    "f.launch.py": LAUNCH_PY, "g.launch.py": LAUNCH_LIST, "h.urdf#tof": URDF_QUATERNION, "i.yaml": POSE,
 }  # fmt: skip
 
 
@@ -59,7 +63,7 @@ def test_a_beam_along_x_of_its_frame_in_any_file(tmp_path, name):
     T = found.sensors[0].T_hand_sensor
     np.testing.assert_allclose(T[:3, 3], [0.012, -0.041, 0.063], atol=1e-9)
     np.testing.assert_allclose(T[:3, 2], [0, 0, 1], atol=1e-7)
-    assert "'tool0'" in found.notes[0]
+    assert ("'tool0'" if "tool0" in FILES[name] else "'hand'") in found.notes[0]
     assert "along x of" in found.notes[0]
 
 
@@ -128,3 +132,22 @@ def test_xacro_is_expanded(tmp_path):
     text = URDF.replace('<robot name="arm">', '<robot name="arm" xmlns:xacro="http://ros.org/wiki/xacro">'
                         '<xacro:property name="up" value="${0.05 + 0.003}"/>').replace("0.053", "${up}")  # fmt: skip
     np.testing.assert_allclose(rig(tmp_path, "a.xacro#tof", text).sensors[0].T_hand_sensor[2, 3], 0.063)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "T_flange_sensor: [[1,0,0,0.012],[0,1,0,-0.041],[0,0,1,0.063],[0,0,0,1]]\n",
+        "T_cam_gripper: [[1,0,0,-0.012],[0,1,0,0.041],[0,0,1,-0.063],[0,0,0,1]]\n",
+        "%YAML:1.0\n---\nR_cam2gripper: !!opencv-matrix\n  {rows: 3, cols: 3, dt: d, data: [1,0,0,0,1,0,0,0,1]}\n"
+        "t_cam2gripper: !!opencv-matrix\n  {rows: 3, cols: 1, dt: d, data: [0.012,-0.041,0.063]}\n",
+    ],
+)
+def test_a_matrix_is_read_by_what_its_name_maps(tmp_path, text):
+    T = rig(tmp_path, "m.yaml", text).sensors[0].T_hand_sensor
+    np.testing.assert_allclose(T[:3], [[1, 0, 0, 0.012], [0, 1, 0, -0.041], [0, 0, 1, 0.063]], atol=1e-9)
+
+
+def test_a_sensor_metres_from_the_hand_is_a_wrong_unit(tmp_path):
+    with pytest.raises(InputError, match=r"within 3 m .* in millimetres"):
+        rig(tmp_path, "m.yaml", HANDEYE.format(on="true").replace("0.012", "12").replace("-0.041", "-41"))

@@ -20,6 +20,8 @@ LOGS = {
     "Distance(mm): 0\tSignal rate: 9\tRange Status: 4\nDistance(mm): 50\tSignal rate: 9\tRange Status: Sigma fail\n",
     "adafruit": "VL53L0X API Simple Ranging example\n\n\nReading a measurement... Distance (mm): 123\n"
     "Reading a measurement...  out of range \n",
+    "ping": "Ping: 12.3cm\nPing: out of range\n",
+    "stamped": "12:30:01.123 -> Distance: 12.299999999999999 cm\n12:30:01.223 -> out of range\n",
     "numbers": "123 mm\n8190 mm\n65535 TIMEOUT mm\n",
 }
 RIG = '[sensors.eye]\npreset = "vl53l0x"\nposition_mm = [0, 0, 20]\ndirection = [0, 0, 1]\n'

@@ -2,8 +2,11 @@
 
 URDF and xacro state a chain of fixed joints to a link. Hand-eye results of easy_handeye and easy_handeye2, static
 transforms of MoveIt's calibration and of launch files, and messages ``TransformStamped`` as YAML state one pose. In a
-camera chain of Kalibr ``T_cam_imu`` maps the hand to the camera, and is inverted. A sensor's beam is along +x of its
-frame (``sensor_msgs/Range``, REP 103), along +z of an optical frame and of Kalibr's cameras.
+camera chain of Kalibr ``T_cam_imu`` maps the hand to the camera, and is inverted. A matrix of a script is read if its
+name states what it maps: ``T_flange_sensor``, or OpenCV's ``R_cam2gripper`` and ``t_cam2gripper``.
+
+A sensor's beam is along +x of its frame (``sensor_msgs/Range``, REP 103), along +z of an optical frame, of Kalibr's
+cameras and of matrices.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ import numpy as np
 from tanteo.errors import InputError, MissingExtraError, did_you_mean
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Rotations, Transforms
+from tanteo.io.poses.camera_layouts import load_yaml
 from tanteo.io.poses.transforms import pose_of
 
 _SUFFIXES = (".urdf", ".xacro", ".xml", ".yaml", ".yml", ".calib", ".launch", ".py")
@@ -30,6 +34,20 @@ _LARGEST = 20_000_000
 """Largest file that is read [bytes]."""
 _SKEW = 1e-3
 """Largest deviation of a rotation matrix or of the length of a quaternion from one that rounding explains."""
+_FARTHEST = 3.0
+"""Largest distance of a sensor from the hand along an axis [m]; more indicates millimetres."""
+_ALONG_Z = "camera chain of Kalibr", "matrix"
+_HAND_WORD, _SENSOR_WORD = (
+    r"(?:hand|flange|tool0?|tcp|ee|eef|effector|gripper|wrist)",
+    r"(?:cam(?:era)?|sensor|tof|laser|lidar|eye|probe)",
+)
+_FORWARD = re.compile(
+    rf"(?:[TXRt]_)?(?:{_HAND_WORD}_{_SENSOR_WORD}|{_SENSOR_WORD}2{_HAND_WORD}|{_SENSOR_WORD}_to_{_HAND_WORD})"
+)
+_BACKWARD = re.compile(
+    rf"(?:[TXRt]_)?(?:{_SENSOR_WORD}_{_HAND_WORD}|{_HAND_WORD}2{_SENSOR_WORD}|{_HAND_WORD}_to_{_SENSOR_WORD})"
+)
+"""Names of matrices that map the sensor's frame to the hand's, and the opposite."""
 _STATIC = re.compile(r"static_transform_publisher", re.IGNORECASE)
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
@@ -96,7 +114,12 @@ def read_mount(path: str) -> Mount:
         words = "static transform"
     else:
         T, hand, link, words = _of_yaml(file, text, hand, link)
-    axis = axis or ("z" if "optical" in link.lower() or words == "camera chain of Kalibr" else "x")
+    if np.abs(T[:3, 3]).max() > _FARTHEST:
+        raise InputError(
+            f"{file}: expected a sensor within {_FARTHEST:g} m of the hand '{hand}', got it at {T[:3, 3].tolist()} m. "
+            "Is it in millimetres? Write metres."
+        )
+    axis = axis or ("z" if "optical" in link.lower() or words in _ALONG_Z else "x")
     return Mount(link, hand, T @ SE3.from_parts(_aimed(axis, path), np.zeros(3)), axis, words)
 
 
@@ -197,6 +220,8 @@ def _origin(file: Path, joint: Any) -> Transforms:
                     "Correct it."
                 )
             numbers[name] = found
+    if origin is not None and (words := origin.get("quat_xyzw")):
+        return _quaternion_pose(file, numbers["xyz"], np.array([float(w) for w in re.findall(_NUMBER, words)]))
     roll, pitch, yaw = numbers["rpy"]
     R = SO3.axis_rotation(2, yaw) @ SO3.axis_rotation(1, pitch) @ SO3.axis_rotation(0, roll)
     return SE3.from_parts(R, numbers["xyz"])
@@ -205,14 +230,15 @@ def _origin(file: Path, joint: Any) -> Transforms:
 def _of_launch(file: Path, text: str, link: str) -> tuple[Transforms, str, str]:
     """Return the transform of a static transform publisher: seven or six numbers and two frames, or named arguments."""
     found: dict[str, tuple[str, Transforms]] = {}
-    for args in re.findall(r"args\s*=\s*\"([^\"]*)\"", text):
+    lists = [re.sub(r"['\",]", " ", one) for one in re.findall(r"arguments\s*=\s*\[([^\]]*)\]", text)]
+    for args in [*re.findall(r"args\s*=\s*\"([^\"]*)\"", text), *lists]:
         words = args.split()
         frames = [w for w in words if not re.fullmatch(_NUMBER, w)]
         numbers = [float(w) for w in words if re.fullmatch(_NUMBER, w)]
-        if len(frames) >= 2 and len(numbers) in (6, 7, 8) and "--x" not in words:
+        if len(frames) >= 2 and len(numbers) in (6, 7, 8) and not any(w.startswith("--") for w in words):
             count = 7 if len(numbers) >= 7 and abs(np.linalg.norm(numbers[3:7]) - 1) < _SKEW else 6
             found[frames[1].lstrip("/")] = frames[0].lstrip("/"), _placed(file, numbers[:3], numbers[3:count])
-    words = [w for w in re.split(r"[\s,'\"\[\]]+", text) if w]
+    words = [w for w in re.split(r"[\s,'\"\[\]]+", re.sub(r"(--[\w-]+)=", r"\1 ", text)) if w]
     named: dict[str, str] = {}
     for key, value in pairwise(words):
         if key.startswith("--"):
@@ -243,7 +269,7 @@ def _placed(file: Path, place: list[float], turn: list[float]) -> Transforms:
 
 
 def _quaternion_pose(file: Path, place: np.ndarray, xyzw: np.ndarray) -> Transforms:
-    if not np.isfinite([*place, *xyzw]).all() or abs(np.linalg.norm(xyzw) - 1) > 10 * _SKEW:
+    if len(xyzw) != 4 or not np.isfinite([*place, *xyzw]).all() or abs(np.linalg.norm(xyzw) - 1) > 10 * _SKEW:
         raise InputError(
             f"{file}: expected a finite position and a unit quaternion, got {place.tolist()} and {xyzw.tolist()} "
             "(x, y, z, w). Correct it."
@@ -252,16 +278,9 @@ def _quaternion_pose(file: Path, place: np.ndarray, xyzw: np.ndarray) -> Transfo
 
 
 def _of_yaml(file: Path, text: str, hand: str, link: str) -> tuple[Transforms, str, str, str]:
-    try:
-        import yaml
-    except ImportError:
-        raise MissingExtraError(
-            f"{file}: expected the package PyYAML, got none. Install it: pip install 'tanteo[urdf]'."
-        ) from None
-    try:
-        content = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        raise InputError(f"{file}: expected YAML, got: {str(error)[:200]}. Correct it.") from None
+    # OpenCV writes a directive that is not valid YAML
+    lines = [line for line in text.splitlines() if not line.startswith(("%YAML", "---"))]
+    content = load_yaml("\n".join(lines), file)
     if not isinstance(content, Mapping):
         raise InputError(f"{file}: expected a pose of a sensor as YAML, got no keys. Is it the right file?")
     for reader in _YAMLS:
@@ -275,8 +294,9 @@ def _of_yaml(file: Path, text: str, hand: str, link: str) -> tuple[Transforms, s
             "calibrated URDF that it writes beside them: --rig calibrated.urdf#LINK."
         )
     raise InputError(
-        f"{file}: expected a hand-eye result, a TransformStamped or a camera chain of Kalibr, got keys "
-        f"{', '.join(map(str, list(content)[:6]))}. Write a rig (TOML) with its position and direction."
+        f"{file}: expected a hand-eye result, a TransformStamped, a camera chain of Kalibr or a matrix "
+        f"T_flange_sensor, got keys {', '.join(map(str, list(content)[:6]))}. Write a rig (TOML) with its position and "
+        "direction."
     )
 
 
@@ -347,12 +367,49 @@ def _of_kalibr(file: Path, content: Mapping[str, Any], link: str) -> _Found | No
     return SE3.inverse(T_cam_hand), "imu", link, "camera chain of Kalibr"
 
 
-_YAMLS: tuple[Callable[[Path, Mapping[str, Any], str], _Found | None], ...] = (_of_handeye, _of_stamped, _of_kalibr)
+def _of_matrices(file: Path, content: Mapping[str, Any], link: str) -> _Found | None:
+    """Return a matrix of four rows, or a rotation and a translation, whose names state what they map."""
+    parts: dict[str, np.ndarray] = {}
+    backward = False
+    for key, value in content.items():
+        rows = value.get("data", value) if isinstance(value, Mapping) else value
+        one_way, other = _FORWARD.fullmatch(str(key)), _BACKWARD.fullmatch(str(key))
+        if (one_way or other) and isinstance(rows, list):
+            try:
+                numbers = np.array(rows, dtype=np.float64).ravel()
+            except (TypeError, ValueError):
+                continue
+            name = {16: "T", 9: "R", 3: "t"}.get(len(numbers), "")
+            parts[name] = numbers
+            backward = backward or other is not None
+    if "T" in parts:
+        T = _matrix(file, parts["T"].reshape(4, 4))
+    elif {"R", "t"} <= parts.keys():
+        T = _matrix(file, np.vstack([np.column_stack([parts["R"].reshape(3, 3), parts["t"]]), [0, 0, 0, 1]]))
+    else:
+        return None
+    return (SE3.inverse(T) if backward else T), "hand", link or "sensor", "matrix"
+
+
+def _of_pose(file: Path, content: Mapping[str, Any], link: str) -> _Found | None:
+    """Return a pose without frames: flat ``x`` .. ``qw``, or ``position`` and ``orientation``."""
+    body = content.get("pose", content.get("transform", content))
+    if not isinstance(body, Mapping) or not (
+        {"x", "y", "z", "qw"} <= body.keys() or {"position", "orientation"} <= body.keys()
+    ):
+        return None
+    return _transform(file, body), "hand", link or "sensor", "pose"
+
+
+_YAMLS: tuple[Callable[[Path, Mapping[str, Any], str], _Found | None], ...] = (
+    _of_handeye, _of_stamped, _of_kalibr, _of_matrices, _of_pose,
+)  # fmt: skip
 
 
 def _transform(file: Path, body: Mapping[str, Any]) -> Transforms:
     """Return the pose of a mapping: flat x .. qw, or translation and rotation."""
-    place, turn = body.get("translation", body), body.get("rotation", body)
+    place = body.get("translation", body.get("position", body))
+    turn = body.get("rotation", body.get("orientation", body))
     try:
         names = ("qx", "qy", "qz", "qw") if "qw" in turn else ("x", "y", "z", "w")
         position, xyzw = [float(place[k]) for k in "xyz"], [float(turn[k]) for k in names]

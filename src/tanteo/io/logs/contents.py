@@ -153,7 +153,9 @@ class Contents:
         return values
 
 
-_STAMP = re.compile(r"^\s*\[?(?:\d{4}-\d\d-\d\d[ T])?\d{1,2}:\d\d:\d\d(?:[.,]\d{1,6})?\]?\s*(?:->|\])?[ \t]*", re.MULTILINE)
+_STAMP = re.compile(
+    r"^\s*\[?(?:\d{4}-\d\d-\d\d[ T])?\d{1,2}:\d\d:\d\d(?:[.,]\d{1,6})?\]?\s*(?:->|\])?[ \t]*", re.MULTILINE
+)
 
 
 def without_stamps(text: str) -> str:

@@ -1,6 +1,6 @@
 """Write JSON documents of ranges, and messages that ROS prints, as tables that the reader of tables reads.
 
-Loggers print one object for each reading or frame, ``{"time": 0.1, "distance_mm": [312, ..], "target_status": [5, ..]}``,
+Loggers print one object for each reading or frame, ``{"time": 0.1, "distance_mm": [312, ..], "status": [5, ..]}``,
 or a list of objects with zone, distance and status; text before the object, as of a console, is ignored. Nested names
 are joined: ``pose.position.x``; elements of a list get a number: ``distance_mm_0``, those of a list of lists two.
 ``rostopic echo`` and ``ros2 topic echo`` print one YAML document for each message.
@@ -90,28 +90,33 @@ def _objects(text: str) -> list[Any]:
     if _ECHO.search(text[:HEAD]):
         documents = [load_yaml(part, Path("message")) for part in _BETWEEN.split(text) if part.strip()]
         return [one for one in documents if isinstance(one, dict)]
+    start = text.lstrip()[:1]
+    documents = [_loaded(text)] if start in ("{", "[") else [None]
+    if documents == [None]:
+        documents = [_loaded(line[at.start() :]) for line in text.splitlines() if (at := _START.search(line))]
+    return [row for document in documents if document is not None for row in _rows(document)]
+
+
+def _loaded(text: str) -> Any:
+    """Return a JSON document with numbers as words; None for other text."""
     try:
-        whole = json.loads(text, parse_int=str, parse_float=str)
+        return json.loads(text.strip().rstrip(","), parse_int=str, parse_float=str)
     except (ValueError, RecursionError):
-        out = []
-        for line in text.splitlines():
-            start = _START.search(line)
-            if start is None:
-                continue
-            try:
-                out.append(json.loads(line[start.start() :].strip().rstrip(","), parse_int=str, parse_float=str))
-            except (ValueError, RecursionError):
-                continue
-        return out
-    if isinstance(whole, dict):
-        lists = [value for value in whole.values() if isinstance(value, list) and value and isinstance(value[0], dict)]
+        return None
+
+
+def _rows(document: Any) -> list[Any]:
+    """Return the frames of a document, or the document itself."""
+    if isinstance(document, dict):
+        lists = [
+            value for value in document.values() if isinstance(value, list) and value and isinstance(value[0], dict)
+        ]
         frames = max(lists, key=len, default=[])
-        return [whole] if not frames or _is_zones(frames) else frames
-    if isinstance(whole, list) and whole and isinstance(whole[0], dict):
-        return whole
-    if isinstance(whole, list) and whole and isinstance(whole[0], list) and len(whole) not in (len(whole[0]),):
-        return whole
-    return [whole]
+        return [document] if not frames or _is_zones(frames) else frames
+    if not isinstance(document, list) or not document:
+        return [document]
+    square = isinstance(document[0], list) and len(document) == len(document[0])
+    return document if isinstance(document[0], dict) or (isinstance(document[0], list) and not square) else [document]
 
 
 def _is_zones(objects: list[Any]) -> bool:

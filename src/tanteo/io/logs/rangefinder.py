@@ -4,8 +4,8 @@ ST's VL53L4CD example prints ``Status = 0, Distance = 312 mm, Signal = 20 kcps/s
 ``range: 312 status: range valid``, SparkFun's ``Distance(mm): 312`` with or without ``Range Status: Good``, Adafruit's
 VL53L0X example ``Reading a measurement... Distance (mm): 312`` or ``out of range``, Pololu's VL53L0X example and the
 text mode of a TeraRanger one number, examples of ultrasonic sensors ``Ping: 31cm``, ``31.2 cm`` or ``12in, 31cm``,
-those of Benewake's TFmini ``Dist:31 Flux:2343`` in centimetres. Status 0, Good and range valid are valid (UM2931); 4, out of bounds and out of
-range mean that nothing was in range; all others are unreliable.
+those of Benewake's TFmini ``Dist:31 Flux:2343`` in centimetres. Status 0, Good and range valid are valid (UM2931); 4,
+out of bounds and out of range mean that nothing was in range; all others are unreliable.
 """
 
 from __future__ import annotations

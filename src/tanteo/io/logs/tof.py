@@ -108,7 +108,12 @@ def recognise(contents: Contents) -> bool:
         contents: file to test.
     """
     head = without_stamps(_COLOUR.sub("", contents.head))
-    if any(_OF_ZONE["distance"].search(m[2]) for m in _ZONE.finditer(head)) or _OBJECT.search(head) or _RESULT.search(head) or _GRIDS.search(head):
+    if (
+        any(_OF_ZONE["distance"].search(m[2]) for m in _ZONE.finditer(head))
+        or _OBJECT.search(head)
+        or _RESULT.search(head)
+        or _GRIDS.search(head)
+    ):
         return True
     if "|" in head and len(_CELL.findall(head)) >= 4 and "Status" in head:
         return True
@@ -236,7 +241,7 @@ def _side_of_rows(lines: list[str]) -> int:
 
 def _frames(contents: Contents, text: str, side: int) -> list[_Seen]:
     """Return zones from lines of which each is a frame, first zone first."""
-    out = []
+    out: list[_Seen] = []
     for k, line in enumerate(map(str.strip, text.splitlines()), start=1):
         if not line:
             continue
@@ -264,7 +269,7 @@ def _two_grids(contents: Contents, text: str) -> list[_Seen]:
 
 def _objects(contents: Contents, text: str, notes: list[str]) -> list[_Results]:
     """Return the nearest objects of each line of the Arduino driver."""
-    out = []
+    out: list[_Results] = []
     for k, line in enumerate(text.splitlines(), start=1):
         if not line.startswith("#Obj"):
             continue

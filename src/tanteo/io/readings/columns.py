@@ -187,7 +187,9 @@ def _are_clear(names: Sequence[str]) -> bool:
 
 def _are_ranges(names: Sequence[str], *, placed: bool) -> bool:
     """Return whether the names contain a range and the whole pose of the hand, so that others can be excluded."""
-    bases = {name.rpartition("_")[0] if name.rpartition("_")[2] in (*LENGTH_UNITS, *ANGLE_UNITS) else name for name in names}
+    bases = {
+        name.rpartition("_")[0] if name.rpartition("_")[2] in (*LENGTH_UNITS, *ANGLE_UNITS) else name for name in names
+    }
     return "range" in bases and (placed or set(hand_group(bases)) <= bases)
 
 

@@ -160,7 +160,9 @@ def _numbered(cell: str) -> tuple[str, tuple[int, int]] | None:
     first = numbers[-1] if numbers and all(word in _AXES for word in words[numbers[-1] + 1 : last]) else last
     axes = [words[k - 1] if k and words[k - 1] in _AXES else "" for k in (first, last)]
     used = {first, last, *(k - 1 for k, axis in zip((first, last), axes, strict=True) if axis and first < last)}
-    stem = " ".join(w for k, w in enumerate(words) if k not in used and (w not in _UNITS or (k == 0 and w in ("m", "in"))))
+    stem = " ".join(
+        w for k, w in enumerate(words) if k not in used and (w not in _UNITS or (k == 0 and w in ("m", "in")))
+    )
     pair = (int(words[first]), int(words[last]) if first < last else -1)
     turned = first < last and _AXES.get(axes[0]) == 1 and _AXES.get(axes[1]) == 0
     return stem, pair[::-1] if turned else pair

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _RANGES = ("range", "distance", "dist", "measured_distance", "measurement", "reading", "value", "tof", "depth")
 """Names of the column of ranges, the most likely first."""
 _CODES = ("status", "range_status", "target_status", "status_code", "range_status_code", "error_code")
+_NUMBERS = ("zone",), ("zone_id",), ("zone_number",), ("row", "col"), ("row", "column")
+"""Columns that number the zones."""
 _WORDS = ("ok", "none", "invalid", "")
 """Statuses of tanteo's own tables."""
 _HANDS = re.compile(r"(?:tcp|tool|tool0|flange|ee|eef|end_effector|robot|arm|pose|wrist|hand)_(?:pose_)?"
@@ -149,8 +151,9 @@ def find_rows(header: Sequence[str], place: str, stated: Stated, grids: dict[str
     k = next((bases.index(name) for name in _RANGES if name in bases), None)
     if k is None or (bases[k] != "range" and stated.rig is None and stated.sensor is None):
         return None
-    numbered = next((at for words in (("zone",), ("zone_id",), ("zone_number",), ("row", "col"), ("row", "column"))
-                     if (at := tuple(bases.index(w) for w in words if w in bases)) and len(at) == len(words)), ())  # fmt: skip
+    if "kind" in bases:  # a table of tanteo, whose beams of kind free have no range
+        return None
+    numbered = next((tuple(map(bases.index, words)) for words in _NUMBERS if set(words) <= set(bases)), ())
     named = bases.index("sensor") if "sensor" in bases else None
     status = next((bases.index(name) for name in _CODES if name in bases), None)
     singles = [] if stated.rig is None else list(stated.rig.sensors)
@@ -172,9 +175,10 @@ def find_rows(header: Sequence[str], place: str, stated: Stated, grids: dict[str
     used = {k, *numbered} | ({status} if status is not None else set()) | ({named} if named is not None else set())
     written = {"cm": "mm", "": stated.units or "mm"}.get(unit, unit)
     kept = tuple(i for i in range(len(names)) if i not in used)
+    named_so = (*(header[i] for i in kept), "sensor", f"range_{written}", "status")
     return RangeRows(
-        (*(header[i] for i in kept), "sensor", f"range_{written}", "status"), kept, (k,), status, numbered, grid, sensor,
-        named, CENTIMETRE if unit == "cm" else 1.0, header[k], tuple(notes),
+        named_so, kept, (k,), status, numbered, grid, sensor, named, CENTIMETRE if unit == "cm" else 1.0, header[k],
+        tuple(notes),
     )  # fmt: skip
 
 

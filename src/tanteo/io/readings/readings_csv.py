@@ -22,8 +22,8 @@ from tanteo.io.readings.cells import Sheet
 from tanteo.io.readings.columns import DIRECTION, HAND, NORMAL, POINT, read_header
 from tanteo.io.readings.frames import find_frames
 from tanteo.io.readings.headers import canonical, units_row, with_height
-from tanteo.io.readings.range_rows import range_header
 from tanteo.io.readings.list_cells import find_lists
+from tanteo.io.readings.range_rows import range_header
 from tanteo.io.readings.stated import Stated
 from tanteo.io.readings.table import Table
 from tanteo.replaced import replaced
