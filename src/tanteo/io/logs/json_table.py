@@ -69,7 +69,7 @@ def is_json_of_ranges(head: str) -> bool:
 
 
 def _has_ranges(names: Iterable[str]) -> bool:
-    """Return whether a column is named as a distance, or as many columns are numbered alike as a frame has zones."""
+    """Return whether a column is named as a distance, or columns of one name are as many as the zones of a frame."""
     names = list(names)
     counts = Counter(re.sub(r"[\d_]+$", "", name) for name in names if name[-1:].isdigit())
     return any(map(_is_distance, names)) or any(count in _FRAMES for count in counts.values())

@@ -35,7 +35,7 @@ _WHOLE = re.compile(r"-?\d{1,10}\s*(?:mm)?(?:\s*TIMEOUT)?(?:\s*mm)?", re.IGNOREC
 _OUT = re.compile(r"\bout of range\b|\bout of bounds\b", re.IGNORECASE)
 VALID = "0", "good", "range valid", "valid", "ok"
 NOTHING = "4", "out of bounds fail", "out of bounds", "out of range"
-"""Statuses of a valid range, and of a beam that met nothing, as codes and in words."""
+"""Statuses of a valid range, and of a beam that met nothing, as codes and as text."""
 _MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1e3}
 _LINES = 3
 """Number of lines with one number each from which a file is a log of ranges."""

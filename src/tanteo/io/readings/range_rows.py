@@ -168,7 +168,7 @@ def find_rows(header: Sequence[str], place: str, stated: Stated, grids: dict[str
         return None
     unit = names[k][len(bases[k]) + 1 :]
     if unit == "" and stated.units is None and bases[k] == "range":
-        return None  # the table asks for the unit
+        return None  # the table refuses it with the unit to write
     notes = []
     if unit == "" and stated.units is None:
         notes.append(f"Column {header[k]} is taken as mm; use --units m if it is metres.")
