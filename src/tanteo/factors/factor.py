@@ -103,9 +103,9 @@ class Factor(ABC):
         return 0.0
 
     @property
-    def residual_sd(self) -> float:
-        """Return the standard deviation of the residual that is minimized, the largest of the place for most [m]."""
-        return float(np.sqrt(np.linalg.eigvalsh(self.cov)[-1]))
+    def residual_sd(self) -> float | None:
+        """Return the standard deviation of the residual that is minimized [m]; None for the largest of the place."""
+        return None
 
     @property
     def landmark(self) -> Vectors:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.factors.factor import NO_DIRECTION, Factor, MeasuredRow
@@ -36,7 +35,7 @@ class OnSurface(Factor):
         """
         if self.approach is None:
             return super(OnSurface, self).log_outlier(radius)
-        return float(-np.log(2 * radius) - (0.0 if self.normal is None else np.log(4 * np.pi)))
+        return -math.log(2 * radius) - (0.0 if self.normal is None else math.log(4 * math.pi))
 
     def columns(self) -> dict[str, Any]:
         """Return radius of the ball, directions and length of the free-space ray; zero for what is unknown."""

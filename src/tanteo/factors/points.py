@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -133,7 +134,8 @@ class ContactPoints:
     @property
     def residual_sd(self) -> FloatArray:
         """Return the standard deviation of the residual of each ``(n,)`` [m]: of the range for a wide beam."""
-        return np.array([factor.residual_sd for factor in self.factors], dtype=np.float64)
+        own = np.array([factor.residual_sd for factor in self.factors], dtype=np.float64)  # None becomes NaN
+        return np.where(np.isnan(own), self.sd, own)
 
     @property
     def constrained(self) -> int:
@@ -147,6 +149,8 @@ class ContactPoints:
 
     def take(self, rows: Sequence[int] | IntArray) -> ContactPoints:
         """Return the measurements in some rows, in the order of the rows."""
+        if np.array_equal(rows, np.arange(len(self))):
+            return self
         places = None if self.places is None else self.places[rows]
         ids, labels, kinds = (tuple(values[i] for i in rows) for values in (self.ids, self.labels, self.kinds))
         factors = tuple(self.factors[i] for i in rows)
@@ -164,10 +168,9 @@ class ContactPoints:
         later, earlier = later[beside < _ONE_BEAM], earlier[beside < _ONE_BEAM]
         for row, k in zip(*np.unique(later, return_index=True), strict=True):
             places[row] = places[earlier[k]]
-        return ContactPoints(
-            self.ids, self.factors, self.shared_jacobian, self.tolerance, places, self.labels, self.kinds,
-            self.turn_jacobian, self.rounding,
-        )  # fmt: skip
+        out = copy(self)
+        object.__setattr__(out, "places", places)
+        return out
 
     def compiled(self, log_outlier: FloatArray) -> list[tuple[_core.FactorList, Indices]]:
         """Return the factors for the core: one block per kind, with the rows of its factors.
@@ -260,17 +263,20 @@ def as_contact_points(
     lengths = np.zeros(len(measured)) if reach is None else reach.only(on_surface).filled(0.0)
     normal_sds = np.nan_to_num(measured.normal_sds, nan=np.pi)
     cones = _cones(measured, covs, directions)
+    approaches = [row if there else None for row, there in zip(directions, directions.any(axis=1), strict=True)]
+    unsensed = np.isnan(measured.normals[:, 0]).tolist()
+    sensed = [
+        None if none else SensedDirection(normal, sd)
+        for normal, sd, none in zip(measured.normals, normal_sds.tolist(), unsensed, strict=True)
+    ]
+    columns = (
+        measured.features, measured.kinds, points, covs, radii.tolist(), approaches, sensed, lengths.tolist(),
+        measured.sizes, measured.material_sides, cones,
+    )  # fmt: skip
     factors = list[Factor]()
-    for k, kind in enumerate(measured.kinds):
-        sensed = not np.isnan(measured.normals[k, 0])
-        row = MeasuredRow(
-            measured.features[k], kind, points[k], covs[k], float(radii[k]),
-            directions[k] if directions[k].any() else None,
-            SensedDirection(measured.normals[k], float(normal_sds[k])) if sensed else None,
-            float(lengths[k]), measured.sizes[k], measured.material_sides[k], cones[k],
-        )  # fmt: skip
-        cls = factor_class(kind)
-        factors.append((cls.wide_beam if cones[k] and cls.wide_beam else cls).from_row(row))
+    for row in map(MeasuredRow, *columns):
+        cls = factor_class(row.kind)
+        factors.append((cls.wide_beam if row.cone and cls.wide_beam else cls).from_row(row))
     jacobian, _, _, turns = measured.whitened()
     return ContactPoints(
         measured.ids, tuple(factors), jacobian, tolerance, labels=measured.features, kinds=measured.kinds,

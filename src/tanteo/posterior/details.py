@@ -8,7 +8,6 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
-from tanteo.posterior.furniture_points import outlier_log_density
 from tanteo.posterior.sampling.peaks import Objective
 
 
@@ -85,7 +84,7 @@ def details_at(objective: Objective, Ts: Transforms, zs: FloatArray) -> Details:
     table, faces, log_points, scales, log_groups, log_designs, designs = _core.details(
         objective.prepared.shape, objective.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs)
     )
-    outlier = outlier_log_density(points, objective.problem.priors)
+    outlier = objective.problem.log_outlier
     with np.errstate(divide="ignore"):
         on_furniture = outlier + np.log(objective.problem.furniture.over_outlier)
         hit = np.logaddexp(np.log(table[..., 0]) + outlier, on_furniture)

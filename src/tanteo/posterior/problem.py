@@ -57,6 +57,7 @@ class Problem:
         groups: index of the label of each point ``(n,)``; -1 for a point without a label.
         label_evidence: densities of labelled points on surfaces of an unknown object.
         region: size of the region that measurements without a direction touch.
+        log_outlier: log density of each point as an outlier ``(n,)``.
     """
 
     points: ContactPoints
@@ -70,11 +71,13 @@ class Problem:
     groups: IntArray = field(init=False, repr=False)
     label_evidence: LabelEvidence = field(init=False, repr=False)
     region: TouchedRegion = field(init=False, repr=False)
+    log_outlier: FloatArray = field(init=False, repr=False)
     _factors: list[tuple[_core.FactorList, Indices]] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
         groups = groups_of(self.points)
         object.__setattr__(self, "groups", groups)
+        object.__setattr__(self, "log_outlier", outlier_log_density(self.points, self.priors))
         object.__setattr__(self, "furniture", weigh_furniture(self.points, self.priors, self.settings.search))
         object.__setattr__(self, "label_evidence", label_evidence(self.points, groups, self.priors.radius))
         object.__setattr__(self, "region", touched_region(self.points, groups, self.furniture.others))
@@ -127,7 +130,7 @@ class Problem:
     @property
     def log_not_on_part(self) -> FloatArray:
         """Return the log density of each point as an outlier or on furniture ``(n,)``."""
-        return np.asarray(outlier_log_density(self.points, self.priors) + np.log1p(self.furniture.over_outlier))
+        return np.asarray(self.log_outlier + np.log1p(self.furniture.over_outlier))
 
     def log_odds(self, part: Part) -> float:
         """Return the log odds of a part by its global properties."""
@@ -163,7 +166,7 @@ class Problem:
     def factors(self) -> list[tuple[_core.FactorList, Indices]]:
         """Return the measurements for the core, compiled once for all parts."""
         if not self._factors and len(self.points):
-            self._factors.extend(self.points.compiled(outlier_log_density(self.points, self.priors)))
+            self._factors.extend(self.points.compiled(self.log_outlier))
         return self._factors
 
     def compiled(self, prepared: PreparedPart, *, with_prior: bool = True) -> _core.Problem:

@@ -308,6 +308,10 @@ class Form(ErrorState):
 _MOST_COMPONENTS = 8
 """Numerical: most components of a field in one axis; with the default length these are 99 % of the variance."""
 
+_NODES = 64
+"""Numerical: most readings from which the components are computed; more change the field less than what eight
+components omit."""
+
 
 def _field(points: Vectors, rows: IntArray, sd: float, length: float | None) -> Columns:
     """Return the leading components of a smooth field of displacements at some readings, in each axis."""
@@ -315,7 +319,7 @@ def _field(points: Vectors, rows: IntArray, sd: float, length: float | None) -> 
     if not len(at):
         return Columns(np.zeros((n, 3, 0)), ())
     length = length or _half_extent(at)
-    some = at[:: max(1, len(at) // 200)]
+    some = at[np.linspace(0, len(at) - 1, min(len(at), _NODES)).round().astype(np.int64)]
     values, vectors = np.linalg.eigh(_smooth(some, some, length))
     count = min(_MOST_COMPONENTS, int(np.count_nonzero(values > 1e-9 * values[-1])))
     values, vectors = values[::-1][:count], vectors[:, ::-1][:, :count]
@@ -344,8 +348,8 @@ def _half_extent(points: Vectors) -> float:
 
 def _smooth(a: Vectors, b: Vectors, length: float) -> FloatArray:
     """Return the correlation of a smooth field at points ``a`` and ``b``."""
-    squares = np.sum((a[:, None] - b[None]) ** 2, axis=-1)
-    return np.asarray(np.exp(-0.5 * squares / length**2))
+    squares = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2 * a @ b.T
+    return np.asarray(np.exp(-0.5 * np.maximum(squares, 0.0) / length**2))
 
 
 @dataclass(frozen=True, slots=True)
