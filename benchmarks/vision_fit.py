@@ -35,7 +35,7 @@ from tanteo.vision.edges import chance_hits, map_edges
 from tanteo.vision.image_edges import ImageEdges, Weights
 from tanteo.vision.posterior import searched, sums_at
 from tanteo.vision.propose import edge_costs
-from tanteo.vision.regions import bare_table, find_regions, hulls, silhouette
+from tanteo.vision.regions import find_regions, silhouette
 from tanteo.vision.sight import area_of
 from tanteo.vision.table import TableErrors
 from vision_scenes import in_camera, random_shot, stated_table
@@ -118,8 +118,8 @@ def sums_of_image(models, pixels, camera, T_world_table, model, known, truth):
         return None
     T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
     seen = ImageEdges(camera, map_edges(points), chance)
-    bare, costs = bare_table(hulls(regions)), edge_costs(seen.edges, chance)
-    _, found = candidates_in(models, seen, T_camera_table, region, bare, costs, errors)
+    costs = edge_costs(seen.edges, chance)
+    _, found = candidates_in(models, seen, T_camera_table, region, costs, errors)
     lying = OnTable(T_world_table, errors.height, errors.tilt, area_of(region, camera, T_camera_table))
     priors = sized(Priors(), max(0.5 * c.model.part.diagonal for c in found))
     poses = [(c.model.part, camera.T_world_camera @ c.T_camera_part) for c in found]

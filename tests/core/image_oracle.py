@@ -154,14 +154,10 @@ class Sliding:
     """A drawing that is slid over tables with a margin of cells."""
 
     distances: np.ndarray
-    bare: np.ndarray
-    inner: np.ndarray
     places: np.ndarray
     cell: float
     margin: int
     samples: int
-    most: float
-    penalty: float
 
     def cells(self, pixels):
         """Return columns and rows at a distance from a place; the end of the margin for those beyond."""
@@ -174,15 +170,12 @@ class Sliding:
         out = np.empty((len(Ts), len(self.places)))
         column, row = np.rint(self.places / self.cell).astype(int).T
         for T, seen, cost in zip(Ts, shown, out, strict=True):
-            at, beside, middle, inner = (
-                project(s.camera, SE3.apply(T, p)) for p in (s.points, s.points + 1e-3 * s.tangents, centre, self.inner)
+            at, beside, middle = (
+                project(s.camera, SE3.apply(T, p)) for p in (s.points, s.points + 1e-3 * s.tangents, centre)
             )
             upto = np.cumsum(np.linalg.norm(beside - at, axis=1) * s.lengths * seen)
             k = np.searchsorted(upto, (np.arange(self.samples) + 0.5) / self.samples * upto[-1])
             x, y = self.cells(at[k] - middle).T
             channel = channel_of(np.stack([at[k, 1] - beside[k, 1], beside[k, 0] - at[k, 0]], axis=-1))
-            far = self.distances[channel[:, None], y[:, None] + row, x[:, None] + column].mean(axis=0, dtype=float)
-            x, y = self.cells(inner - middle).T
-            share = self.bare[y[:, None] + row, x[:, None] + column].mean(axis=0)
-            cost[:] = np.where(share < self.most, far + self.penalty * share, np.inf)
+            cost[:] = self.distances[channel[:, None], y[:, None] + row, x[:, None] + column].mean(axis=0, dtype=float)
         return out

@@ -5,16 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from silhouettes import bare_share, spilled
 from tanteo.geometry import SE3
 from tanteo.vision.camera import project
 from tanteo.vision.candidates import distinct
 from tanteo.vision.propose import edge_costs, propose, slides
-from tanteo.vision.regions import bare_table, find_regions, silhouette
+from tanteo.vision.regions import find_regions
 from tanteo.vision.settings import EVIDENCE, SEARCH
 from vision_scenes import bracket, seen_alone
-
-MARGIN = int(np.ceil(EVIDENCE.reach))
 
 
 @pytest.fixture(scope="module")
@@ -29,46 +26,19 @@ def seen(model):
     return camera, edges, find_regions(image, edges.points)[0], T
 
 
-def test_points_of_the_surface_are_on_it_and_within_silhouette(model, seen):
-    camera, _, _, T = seen
+def test_points_of_the_surface_are_as_dense_everywhere(model):
     assert model.frame.surface.closest(model.inner).distances == pytest.approx(0, abs=1e-9)
-    mask = silhouette(model.frame.surface, camera, T)
-    assert bare_share(model.inner, camera, T[None], bare_table(mask))[0] == 0
-    # their middle is that of the surface: they are as dense everywhere
+    # their middle is that of the surface
     a, b, c = np.moveaxis(model.part.vertices[model.part.triangles], 1, 0)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     middle = area @ ((a + b + c) / 3) / area.sum()
     assert np.linalg.norm(model.inner.mean(axis=0) - middle) < 0.05 * model.part.diagonal
 
 
-def test_bare_table_begins_some_pixels_off_the_region():
-    mask = np.zeros((40, 60), dtype=bool)
-    mask[10:20, 20:30] = True
-    bare = bare_table(mask)
-    assert not bare[10 - MARGIN : 20 + MARGIN, 20 - MARGIN : 30 + MARGIN].any()
-    assert bare.sum() == mask.size - (10 + 2 * MARGIN) ** 2
-
-
-def test_the_share_on_bare_table_is_about_that_of_the_silhouette(model, seen):
-    camera, _, region, T = seen
-    moves = SE3.exp(np.array([[0, 0, 0, 0, 0, 0], [0.04, 0, 0, 0, 0, 0.5], [0.5, 0, 0, 0, 0, 0.0]]))
-    Ts = T @ moves
-    area = np.array([silhouette(model.frame.surface, camera, pose).sum() for pose in Ts])
-    exact = spilled(model.frame.surface, camera, Ts, region.mask)[:2] / area[:2]
-    share = bare_share(model.inner, camera, Ts, bare_table(region.mask))
-    assert exact[0] == 0
-    assert share[:2] == pytest.approx(exact, abs=0.15)
-    assert exact[1] > 0.2
-    # what is out of the image is not on bare table
-    assert share[2] == 0
-
-
 def test_a_first_pose_is_next_to_truth_and_costs_what_it_should(model, seen):
     camera, edges, region, T = seen
     table, costs = SE3.inverse(camera.T_world_camera), edge_costs(edges, np.full(len(edges.points), EVIDENCE.rarest))
-    proposal = propose(
-        model, np.arange(len(model.rests)), camera, table, costs, slides(region, camera, bare_table(region.mask))
-    )
+    proposal = propose(model, np.arange(len(model.rests)), camera, table, costs, slides(region, camera))
     turn = np.linalg.norm(SE3.log(SE3.inverse(proposal.T_camera_part) @ T)[:, 3:], axis=1)
     middle = project(camera, SE3.apply(T, model.part.centroid))
     off = np.abs(project(camera, SE3.apply(proposal.T_camera_part, model.part.centroid)) - middle).max(axis=-1)
@@ -76,11 +46,7 @@ def test_a_first_pose_is_next_to_truth_and_costs_what_it_should(model, seen):
     best = first & (turn < 1.2 * np.pi / SEARCH.yaws) & (off < EVIDENCE.shortest)
     assert best.any()
     assert proposal.costs[best].min() == proposal.costs[first].min()
-    # nothing spilled there: all that it costs is the edges; nowhere more than is evaluated
     assert proposal.costs[best].min() < 3.0
-    share = bare_share(model.inner, camera, proposal.T_camera_part, bare_table(region.mask))
-    assert share.max() < SEARCH.spilled + 0.15
-    assert np.all(proposal.costs > EVIDENCE.shortest * (share - 0.15))
 
 
 def test_frequent_edges_cost_more_than_rare_ones(seen):

@@ -8,8 +8,7 @@ import pytest
 from tanteo.geometry import SE3, SO3
 from tanteo.vision import find_edges
 from tanteo.vision.answers import heights
-from tanteo.vision.edges import chance_hits
-from tanteo.vision.regions import find_regions, hulls_of_edges
+from tanteo.vision.regions import find_regions
 
 
 def test_a_disc_has_a_circular_outline_and_outward_normals():
@@ -34,19 +33,3 @@ def test_heights_over_a_table_are_the_surface_s(models):
     middle = SE3.apply(T, part.centroid)
     found = heights(model.surface, T, np.array([middle[:2], middle[:2] + 1.0]))
     assert found == pytest.approx([part.box[1, 2] + 0.01, 0.0])
-
-
-def test_edges_with_gaps_cover_what_they_enclose():
-    """The outline of a square shows in four corners, as that of a part about as bright as the table."""
-    image = 120 + np.random.default_rng(4).normal(0, 1.0, (300, 400))
-    image[100:200, 100:200] += 60
-    edges = find_edges(image)
-    shown = edges.only(np.all(np.abs(edges.pixels - 150) > 5, axis=1))
-    inside = np.zeros(image.shape, dtype=bool)
-    inside[120:130, 120:130] = True
-    covered = hulls_of_edges(shown, chance_hits(shown), inside)
-    assert covered[105:195, 105:195].all()
-    assert covered.mean() < 0.12
-    corner = edges.only(np.all(edges.pixels < 110, axis=1))
-    assert not hulls_of_edges(corner, chance_hits(corner), inside).any()
-    assert not hulls_of_edges(shown, chance_hits(shown), np.zeros_like(inside)).any()

@@ -268,3 +268,17 @@ def test_without_opencv_the_message_names_the_package(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "cv2", None)
     with pytest.raises(MissingExtraError, match=r"tanteo\[vision\]"):
         find_edges(np.zeros((40, 40)))
+
+
+def test_a_part_is_proposed_beyond_what_differs_from_the_table():
+    """Faces as bright as a woven table are in no region; only the part's dark sides and its shadow are."""
+    post, step = (prepare_vision(read_part(EXAMPLES / f"{name}.step")) for name in ("square_post", "step_15mm"))
+    camera, T = table_camera(), lay_down(post, 1, 0.02, 0.01, 2.2)
+    light = Appearance((0.5, 0.2, 1.0), 0.5, 150, (0, 0), 0.7, 2.0)
+    image, whose = render(Stage(camera, [rendered_part(post.part, T, 155)], light), np.random.default_rng(2))
+    y, x = np.mgrid[: image.shape[0], : image.shape[1]]
+    weave = 12 * (np.sin(0.45 * x + 0.1 * y) + np.sin(0.45 * y - 0.1 * x))
+    sight = see_table(np.clip(np.rint(image + np.where(whose < 0, weave, 0)), 0, 255), camera, [post, step])
+    best = sight.objects[0].answer.hypotheses[0]
+    assert best.part == "square_post"
+    assert SE3.apply(best.T_world_part, post.part.centroid) == pytest.approx(SE3.apply(T, post.part.centroid), abs=1e-3)

@@ -43,7 +43,6 @@ def candidates_in(
     image: ImageEdges,
     T_camera_table: Transforms,
     region: Region,
-    bare: BoolArray,
     costs: np.ndarray,
     table: TableErrors,
     ways: Sequence[IntArray] = (),
@@ -55,14 +54,13 @@ def candidates_in(
         image: edges of the image in the region.
         T_camera_table: frame of the table ``(4, 4)``.
         region: region of the object.
-        bare: pixels of bare table ``(rows, columns)``.
         costs: costs of edge samples, of :func:`tanteo.vision.propose.edge_costs`.
         table: errors of the table, those of the camera's pose included.
         ways: numbers of the stable poses of each part that are tried; all of them if not given.
     """
     camera, edges = image.camera, image.edges
     ways = ways or [np.arange(len(model.rests)) for model in models]
-    proposals = _first_poses(models, ways, image, T_camera_table, region, bare, costs, table)
+    proposals = _first_poses(models, ways, image, T_camera_table, region, costs, table)
     scores = np.concatenate([score for _, _, score in proposals])
     least = max(np.sort(scores)[-3 * SEARCH.kept :][0], -1e9) if len(scores) else 0.0
     out = []
@@ -102,13 +100,12 @@ def _first_poses(
     image: ImageEdges,
     T_camera_table: Transforms,
     region: Region,
-    bare: BoolArray,
     costs: np.ndarray,
     table: TableErrors,
 ) -> list[tuple[Transforms, IntArray, FloatArray]]:
     """Return poses, stable poses and log densities of each part after a few rounds; of equal poses the best counts."""
     camera, edges = image.camera, image.edges
-    places = slides(region, camera, bare)
+    places = slides(region, camera)
     out = []
     for model, own in zip(models, ways, strict=True):
         proposal = propose(model, own, camera, T_camera_table, costs, places)

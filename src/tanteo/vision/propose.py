@@ -13,7 +13,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.geometry import SE3, SO3
-from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.geometry.typing import FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera, meet_plane, rays
 from tanteo.vision.edges import EdgeMap, map_edges
 from tanteo.vision.models import VisionModel
@@ -28,8 +28,7 @@ class Proposal:
     Attributes:
         T_camera_part: poses ``(k, 4, 4)``.
         rests: number of the stable pose of each ``(k,)``.
-        costs: mean cost of edge samples of the part, and of points on bare table, which cost as much as samples without
-            an edge ``(k,)`` [px].
+        costs: mean cost of edge samples of the part ``(k,)`` [px].
     """
 
     T_camera_part: Transforms
@@ -74,13 +73,11 @@ class Slides:
         pixels: places ``(S, 2)`` [px].
         rays: rays through the places ``(S, 3)``, camera frame, z = 1.
         middle: number of the place nearest to the centre of the region.
-        bare: pixels that show bare table, on the grid of :func:`edge_costs`.
     """
 
     pixels: FloatArray
     rays: FloatArray
     middle: int
-    bare: BoolArray
 
 
 def _step() -> int:
@@ -88,24 +85,23 @@ def _step() -> int:
     return int(EVIDENCE.shortest)
 
 
-def slides(region: Region, camera: Camera, bare: BoolArray) -> Slides:
+def slides(region: Region, camera: Camera) -> Slides:
     """Return the places of a region to which parts are translated.
 
     Args:
         region: region of an object.
         camera: camera of the image.
-        bare: pixels of bare table ``(rows, columns)``.
     """
     # faces that look like the table may be in no region
     margin = 2 * int(EVIDENCE.stretch)
-    near = dilated(hulls([region]), margin) & ~bare
-    (low, high), (rows, columns) = (np.array(region.box).reshape(2, 2).T), bare.shape
+    near = dilated(hulls([region]), margin)
+    (low, high), (rows, columns) = (np.array(region.box).reshape(2, 2).T), near.shape
     (x0, y0), (x1, y1) = np.maximum(low - margin, 0), np.minimum(high + margin, [columns - 1, rows - 1])
     x, y = np.meshgrid(np.arange(x0, x1 + 1, _step()), np.arange(y0, y1 + 1, _step()))
     on = near[y, x]
     pixels = np.stack([x[on], y[on]], axis=-1).astype(np.float64)
     middle = int(np.argmin(np.linalg.norm(pixels - region.centre, axis=1))) if len(pixels) else 0
-    return Slides(pixels, rays(camera, pixels), middle, np.pad(bare[:: EDGES.cell, :: EDGES.cell], _margin(bare.shape)))
+    return Slides(pixels, rays(camera, pixels), middle)
 
 
 def propose(
@@ -141,9 +137,8 @@ def propose(
             continue
         shifted = SE3.from_parts(np.eye(3), np.array([middle[0], middle[1], 0.0]))
         yaw, place, cost = _core.slide_edges(
-            model.coarse.compiled, camera.numbers, T_camera_table @ shifted @ Ts, model.part.centroid, model.inner,
-            costs, places.bare, places.pixels, EDGES.cell, _margin(camera.size), SEARCH.coarse,
-            SEARCH.spilled, EVIDENCE.shortest, _step(), SEARCH.tried // 4,
+            model.coarse.compiled, camera.numbers, T_camera_table @ shifted @ Ts, model.part.centroid, costs,
+            places.pixels, EDGES.cell, _margin(camera.size), SEARCH.coarse, _step(), SEARCH.tried // 4,
         )  # fmt: skip
         move = SE3.from_parts(np.eye(3), np.concatenate([at[place, :2], np.zeros((len(place), 1))], axis=1))
         found.append((T_camera_table @ move @ Ts[yaw], np.full(len(yaw), k), cost))

@@ -17,7 +17,7 @@ from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Surface
 from tanteo.vision.camera import Camera, opencv, project
 from tanteo.vision.edges import EdgePoints, chance_hits, check_image, image_noise
-from tanteo.vision.settings import EDGES, EVIDENCE, SEARCH, SPACING
+from tanteo.vision.settings import EDGES, EVIDENCE, SEARCH
 
 _REJECTED = 3.0
 """Numerical: residual from which the robust fit of the table rejects a pixel, in standard deviations."""
@@ -174,39 +174,7 @@ def hulls(regions: Sequence[Region]) -> BoolArray:
     return covered.view(np.bool_)
 
 
-def hulls_of_edges(edges: EdgePoints, chance: FloatArray, objects: BoolArray) -> BoolArray:
-    """Return the pixels in the convex hulls of edges that are rare and near one another ``(rows, columns)``.
-
-    A part as bright as the table has no region of its own, but gaps in its outline are short.
-
-    Args:
-        edges: edge points of the image.
-        chance: probability of a random edge like each ``(n,)``.
-        objects: pixels of objects ``(rows, columns)``; hulls outside all objects are texture.
-    """
-    cv2 = opencv()
-    rare = chance < EVIDENCE.rare
-    x, y = np.rint(edges.pixels[rare]).astype(np.int32).clip(0, np.array(edges.shape[::-1]) - 1).T
-    mask = np.zeros(edges.shape, dtype=np.bool_)
-    mask[y, x] = True
-    count, labels = cv2.connectedComponents(dilated(mask, EVIDENCE.shortest).astype(np.uint8))
-    own = labels[y, x]
-    information = np.bincount(own, weights=-np.log(chance[rare]), minlength=count) * SPACING / EVIDENCE.stretch
-    covered = np.zeros(edges.shape, dtype=np.uint8)
-    for k in np.flatnonzero(information > EVIDENCE.least_object):
-        hull = np.zeros(edges.shape, dtype=np.uint8)
-        cv2.fillConvexPoly(hull, cv2.convexHull(np.stack([x, y], axis=1)[own == k]), 1)
-        if np.any(objects & (hull > 0)):
-            covered |= hull
-    return covered.view(np.bool_)
-
-
 def dilated(mask: BoolArray, reach: float = EVIDENCE.reach) -> BoolArray:
     """Return the pixels within a reach [px] of a mask ``(rows, columns)``; within that of edges if not given."""
     side = 2 * int(np.ceil(reach)) + 1
     return np.asarray(opencv().dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
-
-
-def bare_table(mask: BoolArray) -> BoolArray:
-    """Return the pixels of bare table ``(rows, columns)``: those farther from a mask than the reach of edges."""
-    return ~dilated(mask)

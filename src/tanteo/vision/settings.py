@@ -151,12 +151,11 @@ class SearchSettings:
 
     Attributes:
         samples: number of samples of a part's sharp edges. Rims of curved faces have as many again.
-        coarse: number of samples in the first rounds; number of places on the surface that are checked for bare table.
+        coarse: number of samples in the first rounds; number of places on the surface whose motion tells poses apart.
         rim_samples: least number of samples of the rim of a hole or boss. Decision 73.
         sharp: angle between two faces from which their edge may be visible. Two segments that meet at more make a
             corner, two that meet at less may be one line [rad].
         yaws: number of yaws at which a part is tried. Decision 37.
-        spilled: share of a part on bare table from which a place is not tried. Decision 37.
         tried: number of poses of a part that are refined on few samples.
         kept: number of poses of a part that are refined to the end; three times as many of all parts on a table.
         rounds: number of rounds of a robust fit whose reach shrinks.
@@ -177,7 +176,6 @@ class SearchSettings:
     rim_samples: int = 12
     sharp: float = float(np.pi / 15)
     yaws: int = 72
-    spilled: float = 0.4
     tried: int = 240
     kept: int = 48
     rounds: int = 11

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.geometry import SE3
-from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.geometry.typing import FloatArray, IntArray, Transforms
 from tanteo.posterior import DEFAULTS
 from tanteo.vision.camera import Camera, on_plane, opencv
 from tanteo.vision.candidates import candidates_in
@@ -31,7 +31,6 @@ class Shot:
         edges: map of the edge points.
         chance: probability of a random edge like each ``(n,)``.
         regions: regions of objects, largest first.
-        bare: pixels of bare table ``(rows, columns)``.
         costs: costs of edge samples, of :func:`tanteo.vision.propose.edge_costs`.
     """
 
@@ -42,7 +41,6 @@ class Shot:
     edges: EdgeMap
     chance: FloatArray
     regions: tuple[Region, ...]
-    bare: BoolArray
     costs: np.ndarray
 
 
@@ -116,9 +114,7 @@ def image_candidates(
     for shot, region in zip(shots, regions, strict=True):
         image = ImageEdges(shot.camera, shot.edges, shot.chance, weights=weights or Weights())
         if region is not None:
-            image, found = candidates_in(
-                models, image, shot.T_camera_table, region, shot.bare, shot.costs, shot.errors, ways
-            )
+            image, found = candidates_in(models, image, shot.T_camera_table, region, shot.costs, shot.errors, ways)
             for one in found:
                 prior = np.log([one.model.rests[k].probability for k in one.rests])
                 proposed.setdefault(id(one.model), []).append((standing(shot.camera) @ one.T_camera_part, prior))

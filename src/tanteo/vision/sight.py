@@ -27,7 +27,7 @@ from tanteo.vision.models import VisionModel, prepare_vision
 from tanteo.vision.outlines import check_size, narrowed, seen_outline
 from tanteo.vision.posterior import ImagePosterior, infer
 from tanteo.vision.propose import edge_costs
-from tanteo.vision.regions import Region, bare_table, dilated, find_regions, hulls, hulls_of_edges, silhouette
+from tanteo.vision.regions import Region, dilated, find_regions, hulls, silhouette
 from tanteo.vision.rims import name_ellipses
 from tanteo.vision.settings import EDGES, EVIDENCE
 from tanteo.vision.shots import Shot, image_candidates, same_objects
@@ -226,20 +226,13 @@ def shot_of(view: View, parts: Sequence[Any], T_world_table: Transforms, errors:
     points = find_edges(view.pixels)
     chance = chance_hits(points)
     regions = find_regions(view.pixels, points, chance)
-    occupied = np.zeros(points.shape, dtype=np.bool_)
-    if regions:
-        # the strongest regions are objects; a textured table has many weak ones
-        own = np.array([edge_information(points, chance, dilated(region.mask)) for region in regions])
-        objects = np.any([regions[k].mask for k in np.flatnonzero(own >= 0.5 * own.max())], axis=0)
-        occupied = hulls(regions) | hulls_of_edges(points, chance, objects)
-    bare = bare_table(occupied)
     regions = _alone(regions, points, chance)
     errors = seen_table(errors, camera, T_world_table)
     if view.ignore is not None:
         regions = tuple(one for one in regions if (one.mask & view.ignore).sum() <= 0.5 * one.mask.sum())
     edges = map_edges(points)
     costs = edge_costs(edges, chance)
-    return Shot(camera, T_camera_table, errors, points, edges, chance, tuple(regions), bare, costs)
+    return Shot(camera, T_camera_table, errors, points, edges, chance, tuple(regions), costs)
 
 
 def _alone(regions: Sequence[Region], points: EdgePoints, chance: FloatArray) -> tuple[Region, ...]:

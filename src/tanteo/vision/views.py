@@ -15,7 +15,6 @@ from tanteo.vision.edges import find_edges
 from tanteo.vision.image_edges import ImageEdges, Weights
 from tanteo.vision.outlines import region_of_readings
 from tanteo.vision.posterior import levelled
-from tanteo.vision.regions import bare_table, hulls
 from tanteo.vision.shots import image_candidates
 from tanteo.vision.sight import prepared, shot_of
 from tanteo.vision.solid import proposed_anywhere
@@ -52,7 +51,7 @@ def view_factors(
             shot = shot_of(view, parts, T_world_table, TableErrors())
             region, _, _ = region_of_readings(view.pixels, view.camera, points, shot.points)
             regions.append(region)
-            shots.append(replace(shot, bare=bare_table(hulls([region]))))
+            shots.append(shot)
         images, own = image_candidates(models, shots, regions)
         proposed = {model.part: own[id(model)] for model in models if id(model) in own}
     else:

@@ -12,18 +12,15 @@ namespace {
 using namespace nb::literals;
 
 // The best yaws and positions of a drawing that is slid over an image, and their costs (see slid).
-nb::tuple slide_edges(const EdgeFrame& frame, Doubles camera, Doubles yaws, Doubles centre, Doubles inner,
-                      Floats distances, Flags bare, Doubles places, double cell, int margin, int samples,
-                      double most, double penalty, double apart, int keep) {
+nb::tuple slide_edges(const EdgeFrame& frame, Doubles camera, Doubles yaws, Doubles centre, Floats distances,
+                      Doubles places, double cell, int margin, int samples, double apart, int keep) {
     const Lens lens = lens_of(camera);
     const std::vector<Pose> all = poses(yaws, "yaws");
-    const std::vector<Vec3> points = vectors(inner, "inner");
     const Vec3 middle = vector(centre, "centre");
     if (distances.ndim() != 3 || distances.size() == 0) refuse("distances", "expected channels x rows x columns");
-    if (bare.size() * distances.shape(0) != distances.size()) refuse("bare", "expected as many rows and columns");
     expect(places, "places", {ANY, 2});
     if (samples < 1 || keep < 1 || margin < 1) refuse("keep", "expected keep, samples and margin of 1 or more");
-    const SlideTables tables{distances.data(), bare.data(), static_cast<int64_t>(distances.shape(1)),
+    const SlideTables tables{distances.data(), static_cast<int64_t>(distances.shape(1)),
                              static_cast<int64_t>(distances.shape(2)), expect(cell, "cell", 1e-3, 1e9),
                              margin, Channels(distances.shape(0))};
     std::vector<Pixel> at;
@@ -34,8 +31,8 @@ nb::tuple slide_edges(const EdgeFrame& frame, Doubles camera, Doubles yaws, Doub
     std::vector<Slid> found;
     {
         nb::gil_scoped_release release;
-        const SlideRules rules{samples, most, penalty, apart, static_cast<size_t>(keep)};
-        found = slid(frame, lens, all, middle, points, tables, at, rules);
+        const SlideRules rules{samples, apart, static_cast<size_t>(keep)};
+        found = slid(frame, lens, all, middle, tables, at, rules);
     }
     std::vector<int32_t> yaw, place;
     std::vector<double> cost;
@@ -97,8 +94,8 @@ OutInts nearest_pixels(Doubles pixels, Doubles places, double reach) {
 }  // namespace
 
 void offer_image_choices(nb::module_& m) {
-    m.def("slide_edges", &slide_edges, "frame"_a, "camera"_a, "yaws"_a, "centre"_a, "inner"_a, "distances"_a, "bare"_a,
-          "places"_a, "cell"_a, "margin"_a, "samples"_a, "most"_a, "penalty"_a, "apart"_a, "keep"_a);
+    m.def("slide_edges", &slide_edges, "frame"_a, "camera"_a, "yaws"_a, "centre"_a, "distances"_a, "places"_a, "cell"_a,
+          "margin"_a, "samples"_a, "apart"_a, "keep"_a);
     m.def("nearest_pixels", &nearest_pixels, "pixels"_a, "places"_a, "reach"_a);
     m.def("far_apart", &far_apart, "points"_a, "order"_a, "limit"_a);
 }

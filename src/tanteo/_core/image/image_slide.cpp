@@ -140,52 +140,36 @@ int64_t SlideTables::cell_of(const Pixel& place) const {
 }
 
 std::vector<Slid> slid(const EdgeFrame& frame, const Lens& lens, const std::vector<Pose>& yaws, const Vec3& centre,
-                       const std::vector<Vec3>& inner, const SlideTables& tables, const std::vector<Pixel>& places,
-                       const SlideRules& rules) {
+                       const SlideTables& tables, const std::vector<Pixel>& places, const SlideRules& rules) {
     std::vector<int64_t> from;
     for (const Pixel& p : places) from.push_back(tables.cell_of(p));
     const std::vector<Run> runs = runs_of(from, places);
     // whole numbers whose sums over all samples fit into 16 bits rank the positions; the best ones are evaluated exactly
     const int64_t size = tables.channels.count() * tables.rows * tables.columns;
-    std::vector<uint16_t> costs, on_table(tables.bare, tables.bare + tables.rows * tables.columns);
     double highest = 1e-9;
     for (int64_t k = 0; k < size; ++k) highest = std::max<double>(highest, tables.distances[k]);
     const double scale = std::max(std::floor(65535.0 / rules.samples), 1.0) / highest;
+    std::vector<uint16_t> costs(size), far;
+    for (int64_t c = 0; c < size; ++c) costs[c] = static_cast<uint16_t>(std::max(0.0f, tables.distances[c]) * scale + 0.5);
 
     Cheapest cheapest(EVALUATED * rules.keep);
-    const size_t tested = std::max<size_t>(inner.size(), 1);
-    std::vector<std::vector<int64_t>> drawings(yaws.size()), surfaces(yaws.size());
-    std::vector<uint16_t> bare, far;
+    std::vector<std::vector<int64_t>> drawings(yaws.size());
     for (size_t yaw = 0; yaw < yaws.size(); ++yaw) {
-        const auto at = [&](const Vec3& p) { return project(lens, yaws[yaw].R * p + yaws[yaw].t); };
-        const Pixel middle = at(centre);
-        for (const Vec3& p : inner) surfaces[yaw].push_back(cell_of(tables, at(p), middle, 0));
-        std::vector<int64_t>& drawn = drawings[yaw];  // for the first position that is not on bare table: visibility is slow
+        const Pixel middle = project(lens, yaws[yaw].R * centre + yaws[yaw].t);
+        const std::vector<int64_t>& drawn = drawings[yaw] = draw(frame, lens, yaws[yaw], middle, tables, rules.samples);
+        const double unit = 1 / (scale * std::max<size_t>(drawn.size(), 1));
         for (const Run& run : runs) {
-            sums_along(on_table.data() + run.from, surfaces[yaw], run.cells, bare);
-            const auto on_bare = [&](size_t k) { return double(bare[from[run.first + k] - run.from]) / tested; };
-            size_t k = 0;
-            while (k < run.count && !(on_bare(k) < rules.most)) ++k;
-            if (k == run.count) continue;
-            if (costs.empty()) {
-                costs.resize(size);
-                for (int64_t c = 0; c < size; ++c) costs[c] = static_cast<uint16_t>(std::max(0.0f, tables.distances[c]) * scale + 0.5);
-            }
-            if (drawn.empty()) drawn = draw(frame, lens, yaws[yaw], middle, tables, rules.samples);
             sums_along(costs.data() + run.from, drawn, run.cells, far);
-            const double unit = 1 / (scale * std::max<size_t>(drawn.size(), 1));
-            for (; k < run.count; ++k) {
-                const double cost = unit * far[from[run.first + k] - run.from] + rules.penalty * on_bare(k);
-                if (on_bare(k) < rules.most && cost < cheapest.limit())
-                    cheapest.add({static_cast<int>(yaw), static_cast<int>(run.first + k), cost});
+            for (size_t k = 0; k < run.count; ++k) {
+                const double cost = unit * far[from[run.first + k] - run.from];
+                if (cost < cheapest.limit()) cheapest.add({static_cast<int>(yaw), static_cast<int>(run.first + k), cost});
             }
         }
     }
     std::vector<Slid> best = cheapest.sorted();
     for (Slid& one : best) {
         const std::vector<int64_t>& drawn = drawings[one.yaw];
-        one.cost = sum_under(tables.distances + from[one.place], drawn) / std::max<size_t>(drawn.size(), 1) +
-                   rules.penalty * sum_under(tables.bare + from[one.place], surfaces[one.yaw]) / tested;
+        one.cost = sum_under(tables.distances + from[one.place], drawn) / std::max<size_t>(drawn.size(), 1);
     }
     std::sort(best.begin(), best.end(), cheaper);
     return apart(best, places, static_cast<int>(yaws.size()), rules);

@@ -8,7 +8,6 @@ namespace tanteo {
 
 struct SlideTables {  // on a coarse grid with a margin
     const float* distances;  // to edges: channels x rows x columns [px]
-    const bool* bare;        // whether a cell is bare table: rows x columns
     int64_t rows, columns;
     double cell;     // [px]
     int64_t margin;  // on every side [cells]
@@ -19,21 +18,19 @@ struct SlideTables {  // on a coarse grid with a margin
 };
 
 struct SlideRules {
-    int samples;            // number of edge samples
-    double most, penalty;   // fraction on bare table beyond which a position is skipped; cost if all of it is there [px]
-    double apart;           // distance below which poses of adjacent yaws are equal [px]
+    int samples;   // number of edge samples
+    double apart;  // distance below which poses of adjacent yaws are equal [px]
     size_t keep;
 };
 
 struct Slid {
     int yaw, place;
-    double cost;  // mean of the distances, plus the penalty for the fraction on bare table
+    double cost;  // mean of the distances
 };
 
 // The best yaws and positions without adjacent ones. The part is drawn at poses, one for each yaw, and moved in the image so
-// that its centre is at a position; inner points are tested for bare table.
+// that its centre is at a position.
 std::vector<Slid> slid(const EdgeFrame& frame, const Lens& lens, const std::vector<Pose>& yaws, const Vec3& centre,
-                       const std::vector<Vec3>& inner, const SlideTables& tables, const std::vector<Pixel>& places,
-                       const SlideRules& rules);
+                       const SlideTables& tables, const std::vector<Pixel>& places, const SlideRules& rules);
 
 }  // namespace tanteo
