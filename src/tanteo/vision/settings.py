@@ -151,7 +151,7 @@ class SearchSettings:
 
     Attributes:
         samples: number of samples of a part's sharp edges. Rims of curved faces have as many again.
-        coarse: number of samples in the first rounds; number of places on the surface whose motion tells poses apart.
+        coarse: number of samples in the first rounds; number of places on the surface by which poses differ.
         rim_samples: least number of samples of the rim of a hole or boss. Decision 73.
         sharp: angle between two faces from which their edge may be visible. Two segments that meet at more make a
             corner, two that meet at less may be one line [rad].
