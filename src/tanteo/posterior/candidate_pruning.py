@@ -39,7 +39,7 @@ from tanteo.posterior.proposals.built_in import (  # fmt: skip
 )
 from tanteo.posterior.proposals.centre_votes import lacking, on_axes, sensed_centres
 from tanteo.posterior.proposals.coarse_field import evaluate_fields
-from tanteo.posterior.proposals.plane_votes import cost_margin, on_planes, voted
+from tanteo.posterior.proposals.plane_votes import competing, cost_margin, on_planes, voted
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
 from tanteo.posterior.settings import POSE_DOF
 
@@ -298,7 +298,7 @@ def prune(
         for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be pruned
             wide = margin / problem.settings.pruning.estimate_weight
             if len(live) == 1 or search in still_active(live, log_unknown, wide):
-                search.restart(second)
+                search.restart(second, _leader(searches))
     _pass_on(live)
     if not _may_be_missed(problem, searches):
         live = still_active(live, log_unknown, margin)
@@ -363,8 +363,14 @@ def _first_pass(
     effort = problem.settings.first_pass
     if exhaustive or any(Ts is not None for Ts in known):
         effort = replace(effort, pairs=0)
-    for one in passes:
-        one.restart(effort)
+    if not exhaustive and passes and len(passes[0].planes.triples):
+        planes = competing(passes[0].planes, parts, problem.settings)
+        for one in (*passes, *searches):
+            one.planes = planes
+    done = list[PartSearch]()
+    for k in np.argsort([one.known_cost() for one in passes], kind="stable"):  # a leader saves maximizations of others
+        passes[k].restart(effort, _leader(done))
+        done.append(passes[k])
     _pass_on(passes)
     margin = problem.settings.search.negligible / problem.settings.pruning.estimate_weight
     active = {id(one) for one in still_active(passes, -np.inf, margin)}
@@ -486,17 +492,26 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
             if (
                 s.restarts
                 < (3 if s is best and s.has_one_maximum() and s.log_evidence > log_unknown else 1) * own.rounds
-                and s.log_missed() > (s.log_evidence if may_be_missed else total) + np.log(own.missing)
+                and (
+                    s.log_missed() > (s.log_evidence if may_be_missed else total) + np.log(own.missing)
+                    or (may_be_missed and not len(s.peaks))
+                )
             )
             or (s is best and s.restarts < 1.5 * own.rounds and (s.is_doubtful() or s.is_noisy()))
         ]
         left = sorted(left, key=lambda s: -s.log_missed())[: max(budget - sum(s.restarts for s in live), 0)]
         for search in left:
-            search.restart()
+            search.restart(leader=_leader(searches))
         if not left:
             break
         if not may_be_missed:
             live = [s for s in live if s.log_evidence > max(log_unknown, best.log_evidence) - own.negligible]
+
+
+def _leader(searches: Sequence[PartSearch]) -> PartSearch | None:
+    """Return the search of the part with the most evidence; None without a maximum."""
+    found = [s for s in searches if len(s.peaks)]
+    return max(found, key=lambda s: s.log_evidence) if found else None
 
 
 def _may_be_missed(problem: Problem, searches: Sequence[PartSearch]) -> bool:
@@ -543,4 +558,4 @@ def _pass_on(searches: Sequence[PartSearch]) -> None:
             Ts = poses_on_planes(planes[k], search.objective)
             poses.append(InitialPoses(Ts, np.full(len(Ts), leading[k][1].groups[0])))
         if poses:
-            search.add(InitialPoses.joined(poses), leader=(order[0].objective, leading[0][1].Ts))
+            search.add(InitialPoses.joined(poses), leader=order[0])

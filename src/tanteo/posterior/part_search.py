@@ -16,7 +16,7 @@ from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals import PROPOSERS, InitialPoses, PriorSamples, Proposer, SearchState, proposers
 from tanteo.posterior.proposals.drawn import along_ridge, far_pairs, from_prior
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
-from tanteo.posterior.sampling.peaks import Objective, Peaks, log_missed, prior_sds, scales_for, spread_rows
+from tanteo.posterior.sampling.peaks import Objective, Peaks, log_missed, point_scales, prior_sds, spread_rows
 from tanteo.posterior.settings import Effort, SearchSettings
 from tanteo.posterior.symmetry import log_orbit
 
@@ -77,27 +77,44 @@ class PartSearch:
         orbit = log_orbit(prepared, named=self.objective.named)
         return self.objective.problem.log_pose_density(prepared) + orbit + self.log_odds
 
-    def restart(self, effort: Effort | None = None) -> None:
+    def known_cost(self) -> float:
+        """Return the least cost of the known poses by a few points; infinity without known poses."""
+        if self.known is None or not len(self.known) or not len(self.objective.rows):
+            return np.inf
+        return self.objective.refined_cost(self.known, self.objective)
+
+    def restart(self, effort: Effort | None = None, leader: PartSearch | None = None) -> None:
         """Carry out one more round: all proposers in turn, each of which reads the maxima so far.
 
         A later round of a part that does not explain the points searches for one missed pose. Such a pose is among the
         best refined ones, so that a round maximizes from these alone.
+
+        Args:
+            effort: numbers of poses to propose; None for those of the settings.
+            leader: search of the best part so far; None without another part.
         """
         most = None
         if self.restarts:  # the points that are farthest apart may be outliers: later rounds take others
             most = self.settings.points if effort is None and not self.is_good_fit() else None
             self._take_other_points()
         for proposer in proposers():
-            self.propose(proposer, effort, most)
+            self.propose(proposer, effort, most, leader)
         self.restarts += 1
 
-    def propose(self, proposer: Proposer, effort: Effort | None = None, most: int | None = None) -> None:
+    def propose(
+        self,
+        proposer: Proposer,
+        effort: Effort | None = None,
+        most: int | None = None,
+        leader: PartSearch | None = None,
+    ) -> None:
         """Maximize from the poses of one proposer, and merge the maxima with those found before.
 
         Args:
             proposer: source of initial poses.
             effort: numbers of poses to propose; None for those of the settings.
             most: largest number of refined poses to maximize from; None for the number of the proposer.
+            leader: search of the best part so far; None without another part.
 
         Raises:
             PluginError: a proposer of another distribution fails; the message names it.
@@ -111,30 +128,32 @@ class PartSearch:
             found = proposer.propose(objective.problem, objective.prepared, state)
             if not isinstance(found, InitialPoses):
                 raise TypeError(f"expected InitialPoses, got {type(found).__name__}")
-        self.add(found, most)
+        self.add(found, most, leader)
         if isinstance(proposer, PriorSamples) and objective.named and self.along is None:
             count = self.settings.maximized
             self.along = along_ridge(objective, from_prior(objective.problem, objective.prepared, count, self.rng))
 
-    def add(
-        self, found: InitialPoses, most: int | None = None, leader: tuple[Objective, Transforms] | None = None
-    ) -> None:
+    def add(self, found: InitialPoses, most: int | None = None, leader: PartSearch | None = None) -> None:
         """Refine and maximize initial poses, and merge the maxima with those found before.
 
         Args:
             found: initial poses.
             most: largest number of refined poses to maximize from; None for the number of the proposer.
-            leader: a part and a pose of it; refined poses that explain far fewer points are not maximized.
+            leader: search of the best part so far; poses that explain far fewer points than its best maximum are not
+                maximized. None for no such limit.
         """
         if not len(found):
             return
         objective, refined = self.objective, found.refined
         keep = found.keep if found.keep is not None else max(len(found), 1)
         keep = keep if most is None else min(keep, most)
-        known = {} if leader is None or refined.all() else {"known": leader[0].refined_cost(leader[1], objective)}
-        Ts, sources = objective.refine(np.ascontiguousarray(found.Ts[~refined]), found.sources[~refined], keep, **known)
+        limit = {} if leader is None or leader is self or not len(leader.peaks) else {
+            "known": leader.objective.refined_cost(leader.peaks.Ts[:1], objective)
+        }  # fmt: skip
+        Ts, sources = objective.refine(np.ascontiguousarray(found.Ts[~refined]), found.sources[~refined], keep, **limit)
         rest = objective.maximize(Ts, groups=sources)
-        near = objective.maximize(np.ascontiguousarray(found.Ts[refined]), groups=found.sources[refined], fine=True)
+        Ts, sources = objective.without_hopeless(found.Ts[refined], found.sources[refined], **limit)
+        near = objective.maximize(Ts, groups=sources, fine=True)
         self.peaks = objective.merged(self.peaks, rest.join(near), self.settings.maximized)
 
     def has_tried(self, other: Objective, best: Peaks, *, counted: bool) -> bool:
@@ -217,9 +236,9 @@ def start_searches(
     count = problem.settings.search.points
     rows, planes = spread(problem, count), sensed_planes(problem, problem.points.take(problem.furniture.others))
     pairs, none = far_pairs(problem.points, rows, count), Peaks.none(problem.states)
-    out = []
+    of_points, out = point_scales(problem), []
     for part, rng in zip(parts, rngs, strict=True):
-        core, scales, known = problem.compiled(part), scales_for(problem, part), problem.mixture(part)
+        core, scales, known = problem.compiled(part), of_points.on(part), problem.mixture(part)
         is_wide = known is not None and prior_sds(known.covariances, part).min() > scales.refine[-1]
         refining = problem.compiled(part, with_prior=False) if is_wide else core
         objective = Objective(part, core, refining, problem, scales, rows)

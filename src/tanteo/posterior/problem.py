@@ -73,6 +73,7 @@ class Problem:
     region: TouchedRegion = field(init=False, repr=False)
     log_outlier: FloatArray = field(init=False, repr=False)
     _factors: list[tuple[_core.FactorList, Indices]] = field(init=False, repr=False, default_factory=list)
+    _compiled: list[_core.Problem] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
         groups = groups_of(self.points)
@@ -170,7 +171,18 @@ class Problem:
         return self._factors
 
     def compiled(self, prepared: PreparedPart, *, with_prior: bool = True) -> _core.Problem:
-        """Return the problem of one part for the core, with or without the prior densities of its pose."""
+        """Return the problem of one part for the core, with or without the prior densities of its pose.
+
+        Without priors and pose factors it is the same for all parts.
+        """
+        if self.mixtures or self.pose_factors or self.priors.pose is not None:
+            return self._compiled_for(prepared, with_prior=with_prior)
+        if not self._compiled:
+            self._compiled.append(self._compiled_for(prepared, with_prior=with_prior))
+        return self._compiled[0]
+
+    def _compiled_for(self, prepared: PreparedPart, *, with_prior: bool) -> _core.Problem:
+        """Return the problem of one part for the core."""
         t, rays = self.points, self.rays
         rates, weights = outlier_rates(self.priors.outlier_rate, len(t))
         rays = rays.join(self.furniture.paths) if len(self.furniture.paths) else rays

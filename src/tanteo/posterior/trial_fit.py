@@ -18,7 +18,7 @@ from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals.coarse_field import evaluate_fields
-from tanteo.posterior.sampling.peaks import scales_for, spread_rows
+from tanteo.posterior.sampling.peaks import point_scales, spread_rows
 from tanteo.posterior.settings import POSE_DOF
 
 _PER_SD = 2
@@ -88,13 +88,14 @@ def trial_fits(problem: Problem, candidates: Candidates, *, offset_sd: float = 0
             problem, points.take(others), candidates, active, thorough=not offset_sd, offset=o, offset_sd=step / 2
         )
         starts.append(Ts_of)
-    found = []
+    of_points, found = point_scales(problem), []
     for row in map(int, active):
         own = [poses[row] for poses in starts if row in poses]
         if own:
             Ts = np.ascontiguousarray(np.concatenate(own))
             part = candidates.prepared(row).at(problem.resolution)
-            found.append(_of_part(problem, part, Ts, rows, limits[rows], offset_sd, step))
+            blur = of_points.on(part).blur
+            found.append(_of_part(problem, part, Ts, rows, limits[rows], offset_sd, step, blur))
     return sorted(found, key=lambda fit: -fit.explained)
 
 
@@ -106,10 +107,11 @@ def _of_part(
     limits: FloatArray,
     offset_sd: float,
     step: float,
+    blur: float,
 ) -> TrialFit:
-    """Return the fit of one part that explains most points, from poses ``Ts``."""
+    """Return the fit of one part that explains most points, from poses ``Ts`` with an error of ``blur`` [m]."""
     sd = float(np.median(problem.points.sd[rows]))
-    start, end = 1.5 * max(scales_for(problem, part).blur, step), 2 * sd
+    start, end = 1.5 * max(blur, step), 2 * sd
     steps = max(6, int(np.ceil(np.log(start / end) / problem.settings.search.scale_step)) + 1)
     Ts, _, _, offsets, distances = _core.refine_poses(
         part.shape, problem.compiled(part), rows, np.geomspace(start, min(end, start), steps), np.ascontiguousarray(Ts),

@@ -6,6 +6,7 @@ A nearly symmetric part after a half turn, or a part slid to the next step or wa
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import final
 
 import numpy as np
@@ -16,7 +17,7 @@ from tanteo.posterior.details import details_at
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals.centre_triples import from_centres
-from tanteo.posterior.proposals.plane_votes import plane_poses
+from tanteo.posterior.proposals.plane_votes import cost_margin, plane_poses
 from tanteo.posterior.proposals.proposer import BITS, EARLIER, InitialPoses, Proposer, SearchState
 from tanteo.posterior.proposals.sensed_planes import Planes, SensedPlanes, sensed_planes
 from tanteo.posterior.sampling.peaks import Objective, Peaks, scores_of
@@ -100,7 +101,8 @@ def poses_on_planes(planes: SensedPlanes, objective: Objective) -> Transforms:
 def planes_at(objective: Objective, peaks: Peaks) -> SensedPlanes:
     """Return the touched planar faces at the best maximum of a part, as sensed planes.
 
-    A point on an edge touches both of its faces.
+    A point on an edge touches both of its faces. The planes cost nothing at this maximum, which limits the cost of
+    other poses.
 
     Args:
         objective: the part and the measurements.
@@ -128,7 +130,7 @@ def planes_at(objective: Objective, peaks: Peaks) -> SensedPlanes:
         np.array([points.radii[r].mean() for r in rows]), np.full(count, tilt), np.ones(count, dtype=bool),
         np.array([points.sd[r].mean() for r in rows]), rows,
     )  # fmt: skip
-    return sensed_planes(problem, points, planes)
+    return replace(sensed_planes(problem, points, planes), limit=cost_margin(problem.settings))
 
 
 @final

@@ -7,7 +7,7 @@ two planes is an outlier on this part. Sorted columns of a catalogue list the pa
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
@@ -44,13 +44,31 @@ def on_planes(
 
 def plane_poses(sensed: SensedPlanes, prepared: PreparedPart, settings: Settings) -> Transforms:
     """Return poses of one part with the planes on its faces ``(S, 4, 4)``; empty if they leave a motion free."""
-    poses = dict[int, Transforms]()
+    return _of_parts(sensed, [prepared], settings, settings.search.max_tuples)[1].get(0, np.zeros((0, 4, 4)))
+
+
+def competing(sensed: SensedPlanes, parts: Sequence[PreparedPart], settings: Settings) -> SensedPlanes:
+    """Return the planes with a limit of the cost: a pose of more does not compete with the best of some parts.
+
+    Args:
+        sensed: sensed planes.
+        parts: the parts.
+        settings: settings of the inference.
+    """
+    costs, poses = _of_parts(sensed, parts, settings, 1)
+    return replace(sensed, limit=float(costs.min()) + cost_margin(settings)) if poses else sensed
+
+
+def _of_parts(
+    sensed: SensedPlanes, parts: Sequence[PreparedPart], settings: Settings, keep: int
+) -> tuple[FloatArray, dict[int, Transforms]]:
+    """Return the costs of some parts ``(m,)`` [nats], and the poses of cheap ones with the planes on their faces."""
+    costs, poses = np.zeros(len(parts)), dict[int, Transforms]()
     if len(sensed.triples) and sensed.triples[2] >= 0:
-        faces = _Faces(
-            [(0, prepared.faces)], np.zeros(1, dtype=np.int64), cost_margin(settings), settings.search.max_tuples
-        )
-        _by_poses(faces, sensed, np.zeros(1), poses)
-    return poses.get(0, np.zeros((0, 4, 4)))
+        tables = [(k, part.faces) for k, part in enumerate(parts)]
+        faces = _Faces(tables, np.arange(len(parts)), cost_margin(settings), keep)
+        costs = _by_poses(faces, sensed, costs, poses)
+    return costs, poses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,14 +105,15 @@ def _by_triples(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, poses:
     Poses are tried up to a limit of their cost, because a larger limit takes longer. It is raised until a part is
     found, or until every plane would be an outlier.
     """
-    costs, limit = lacking, float(len(sensed.rows))
+    costs, limit = lacking, min(float(len(sensed.rows)), sensed.limit)
     while True:
         costs, lowest = _tried(faces, sensed, lacking, limit, poses)
         if lowest < limit or limit >= sensed.hopeless:
             break
         limit = min(2 * limit, sensed.hopeless)
-    if limit < lowest + faces.far < sensed.settings.cost_limit:
-        costs, _ = _tried(faces, sensed, lacking, lowest + faces.far, poses)
+    highest = min(lowest + faces.far, sensed.limit)
+    if limit < highest < sensed.settings.cost_limit:
+        costs, _ = _tried(faces, sensed, lacking, highest, poses)
     return costs
 
 

@@ -85,6 +85,7 @@ class SensedPlanes:
         walls: a plane, and two points that may be on the walls of two cylinders across it ``(3 w,)``.
         certain: whether some triple fixes a pose even if each normal without a parallel one is on a curved face.
         settings: settings of the search.
+        limit: largest cost of a pose that may still matter, as another part has a pose of low cost [nats].
     """
 
     rows: FloatArray
@@ -92,6 +93,7 @@ class SensedPlanes:
     walls: Indices
     certain: bool = True
     settings: SearchSettings = DEFAULTS.search
+    limit: float = np.inf
 
     @property
     def first(self) -> SensedPlanes:
@@ -116,8 +118,8 @@ class SensedPlanes:
 
     @property
     def hopeless(self) -> float:
-        """Return the cost of the best part from which planes are wrong: noise and two outliers [nats]."""
-        return self.doubtful + float(self.rows[:, 9].max())
+        """Return the cost of the best part from which planes are wrong: noise and two outliers, or the limit [nats]."""
+        return min(self.doubtful + float(self.rows[:, 9].max()), self.limit)
 
     @property
     def believed(self) -> float:

@@ -12,6 +12,7 @@ from tanteo.geometry.special import log_sum, zeta_from_two
 from tanteo.geometry.typing import Covariances, FloatArray, Indices, IntArray, Transforms, Vectors
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
+from tanteo.posterior.settings import SearchSettings
 from tanteo.posterior.symmetry import folded, gauge_information, is_gauge_fixed
 
 
@@ -35,24 +36,49 @@ class Scales:
     blurs: FloatArray
 
 
-def scales_for(problem: Problem, prepared: PreparedPart) -> Scales:
-    """Return the length scales of the search for one part."""
+@dataclass(frozen=True, slots=True)
+class PointScales:
+    """Length scales of the measurements, equal for all parts.
+
+    Attributes:
+        sd: noise along the surface normal [m].
+        shared: shift of a point by the shared errors [m].
+        spread: size of the region of the points [m]; 0 without points.
+        wide: noise of a point and shared errors together [m].
+        settings: settings of the search.
+    """
+
+    sd: float
+    shared: float
+    spread: float
+    wide: float
+    settings: SearchSettings
+
+    def on(self, prepared: PreparedPart) -> Scales:
+        """Return the length scales of the search for one part."""
+        if not self.spread > 0 and not self.wide > 0:  # free-space rays alone: nothing to refine
+            return Scales(prepared.spacing, np.array([prepared.spacing]), np.zeros(0))
+        own = self.settings
+        blur = max(min(prepared.spacing, self.spread / 8), 1.5 * self.wide)
+        end = max(2 * self.sd, self.shared, own.coarse_to_fine * blur)
+        count = max(6, int(np.ceil(np.log(1.5 * blur / end) / own.scale_step)) + 1)
+        blurs = own.coarse_to_fine * blur * 0.3 ** np.arange(8)
+        refine = np.asarray(np.geomspace(1.5 * blur, min(end, blur), count), dtype=np.float64)
+        return Scales(blur, refine, np.asarray(blurs[blurs > 2 * self.sd], dtype=np.float64))
+
+
+def point_scales(problem: Problem) -> PointScales:
+    """Return the length scales of the measurements."""
     points, own = problem.points, problem.settings.search
-    if not len(points):  # free-space rays alone: nothing to refine
-        return Scales(prepared.spacing, np.array([prepared.spacing]), np.zeros(0))
+    if not len(points):
+        return PointScales(0.0, 0.0, 0.0, 0.0, own)
     sd = float(np.median(points.residual_sd))
     shared = (
         float(np.sqrt(np.mean(np.sum(points.shared_jacobian**2, axis=(1, 2))))) if points.shared_jacobian.size else 0.0
     )
     off = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
     spread = 2 * float(np.quantile(off, 0.75))
-    wide = float(np.hypot(np.median(points.sd), shared))
-    blur = max(min(prepared.spacing, spread / 8), 1.5 * wide)
-    end = max(2 * sd, shared, own.coarse_to_fine * blur)
-    count = max(6, int(np.ceil(np.log(1.5 * blur / end) / own.scale_step)) + 1)
-    blurs = own.coarse_to_fine * blur * 0.3 ** np.arange(8)
-    refine = np.asarray(np.geomspace(1.5 * blur, min(end, blur), count), dtype=np.float64)
-    return Scales(blur, refine, np.asarray(blurs[blurs > 2 * sd], dtype=np.float64))
+    return PointScales(sd, shared, spread, float(np.hypot(np.median(points.sd), shared)), own)
 
 
 def spread_rows(points: ContactPoints, count: int) -> Indices:
@@ -239,6 +265,24 @@ class Objective:
         near = np.ascontiguousarray(np.broadcast_to(np.diag(self._near), (len(Ts), 6, 6)))
         kept, who = _core.distinct(Ts, near, 1.0, keep, shape.centre)
         return np.ascontiguousarray(Ts[kept]), _united(groups[order], who.astype(np.int64), len(kept))
+
+    def without_hopeless(
+        self, Ts: Transforms, groups: IntArray, known: float = _NO_COST
+    ) -> tuple[Transforms, IntArray]:
+        """Return the poses near a maximum without those whose cost is that of four more outliers than a known one.
+
+        Args:
+            Ts: poses ``(S, 4, 4)``.
+            groups: sources of each pose, one bit each ``(S,)``.
+            known: cost of a pose of another part.
+        """
+        if not len(Ts) or known == _NO_COST:
+            return np.ascontiguousarray(Ts), groups
+        end = self.scales.refine[-1:]
+        found = _core.refine_poses(
+            self.prepared.shape, self.refining, self.rows, end, np.ascontiguousarray(Ts), known=known
+        )
+        return np.ascontiguousarray(Ts[found[2]]), groups[found[2]]
 
     def refined_cost(self, Ts: Transforms, like: Objective) -> float:
         """Return the least cost of poses after refinement by the points and at the last scale of another part.
