@@ -12,7 +12,8 @@ from bare_scenes import no_paths, touches_of
 from scenes import random_pose
 from tanteo.geometry import SE3
 from tanteo.posterior import DEFAULTS, Problem, identify_points, sized
-from tanteo.posterior.proposals import plane_votes, sensed_planes
+from tanteo.posterior.part_search import start_search
+from tanteo.posterior.proposals import InitialPoses, plane_votes, sensed_planes
 
 SD = 3e-4
 
@@ -154,3 +155,31 @@ def test_every_pose_puts_three_faces_where_the_planes_are(models_of_faces, name)
         rotated = np.einsum("kij,mj->kmi", Ts[:, :3, :3], target.part.planes.normals)
         cosines = np.einsum("kmi,ni->kmn", rotated, normals).max(axis=1)
         assert cosines.min() > np.cos(0.15)
+
+
+def test_planes_are_tried_up_to_the_margin_of_the_best_part(models_of_faces):
+    best = models_of_faces["bracket_left"]
+    others = [part for name, part in models_of_faces.items() if name != "bracket_left"]
+    T, touches = scene(best, 0, faces=np.argsort(-best.part.planes.areas)[:6])
+    planes = planes_of(touches, best)
+    limited = plane_votes.competing(planes, [best, *others], DEFAULTS)
+    assert limited.limit < planes.hopeless
+    assert nearest(best, T, plane_votes.plane_poses(limited, best, DEFAULTS)) < 0.1 * best.part.diagonal
+    counts = [[len(plane_votes.plane_poses(one, part, DEFAULTS)) for part in others] for one in (planes, limited)]
+    assert all(few <= many for many, few in zip(*counts, strict=True))
+    assert sum(counts[1]) < sum(counts[0])
+
+
+def test_poses_far_behind_another_part_are_not_maximized(models_of_faces):
+    best, other = (models_of_faces[name] for name in ("bracket_left", "hex_spacer"))
+    T, touches = scene(best, 0)
+    problem = Problem(touches, no_paths(), sized(None, best.part.radius))
+    searches = [start_search(problem, part, np.random.default_rng(0)) for part in (best, other, other)]
+    leader, free, behind = searches
+    leader.add(InitialPoses.unproposed(T[None]))
+    for search, known in ((free, None), (behind, leader)):
+        for poses_of in (InitialPoses.unproposed, InitialPoses.exhaustive):
+            search.add(poses_of(T[None]), leader=known)
+    assert len(leader.peaks) == 1
+    assert len(free.peaks) > 0
+    assert len(behind.peaks) == 0
