@@ -170,16 +170,16 @@ def test_planes_are_tried_up_to_the_margin_of_the_best_part(models_of_faces):
     assert sum(counts[1]) < sum(counts[0])
 
 
-def test_poses_far_behind_another_part_are_not_maximized(models_of_faces):
+def test_poses_far_below_another_part_are_not_maximized(models_of_faces):
     best, other = (models_of_faces[name] for name in ("bracket_left", "hex_spacer"))
     T, touches = scene(best, 0)
     problem = Problem(touches, no_paths(), sized(None, best.part.radius))
     searches = [start_search(problem, part, np.random.default_rng(0)) for part in (best, other, other)]
-    leader, free, behind = searches
+    leader, free, limited = searches
     leader.add(InitialPoses.unproposed(T[None]))
-    for search, known in ((free, None), (behind, leader)):
+    for search, known in ((free, None), (limited, leader)):
         for poses_of in (InitialPoses.unproposed, InitialPoses.exhaustive):
             search.add(poses_of(T[None]), leader=known)
     assert len(leader.peaks) == 1
     assert len(free.peaks) > 0
-    assert len(behind.peaks) == 0
+    assert len(limited.peaks) == 0
