@@ -14,7 +14,7 @@ from tanteo.geometry import SE3, SO3, UncertainFrame
 from tanteo.io import pose_from_brand
 from tanteo.io.poses import parse_work_frame, write_work_frame
 
-C = np.diag([1e-8] * 3 + [1e-7] * 3)
+C = np.diag([1e-8] * 3 + [1e-10] * 3)
 CORNERS = np.stack(np.meshgrid([0, 0.1], [0, 0.2], [0, 0.05]), axis=-1).reshape(8, 3)
 NUMBER = re.compile(r"-?\d+\.\d+")
 
@@ -30,7 +30,11 @@ def upright(rng, tilt):
 
 
 def written(name, frame, **how):
-    return write_work_frame(parse_work_frame(name), frame, CORNERS, "block: recognized (99 %)", **how)
+    return write_work_frame(parse_work_frame(name), frame, CORNERS, note, **how)
+
+
+def note(omitted):
+    return "block: recognized (99 %)" if omitted < 1e-6 else f"block: omitted {1e3 * omitted:.4f} mm"
 
 
 def words(line):
@@ -84,15 +88,16 @@ def test_no_offset_holds_a_part_on_its_side(rng):
         written("G54", upright(rng, np.pi / 2))
 
 
-def turned(degrees):
-    return UncertainFrame(SE3.from_parts(SO3.axis_rotation(2, np.radians(degrees)), np.array([0.3, 0.1, -0.02])), C)
+def turned(degrees, sd=6e-4):
+    T = SE3.from_parts(SO3.axis_rotation(2, np.radians(degrees)), np.array([0.3, 0.1, -0.02]))
+    return UncertainFrame(T, np.diag([1e-8] * 3 + [1e-10] * 2 + [np.radians(sd) ** 2]))
 
 
 def test_an_offset_without_turn_has_none():
     got = written("grbl:G54", turned(-170.0), accept_lost=True)
     assert "\nG21 G90\n" in got.text
     assert " R" not in got.text.splitlines()[-1]
-    assert "cannot represent any rotation of the part (it is turned by -170 deg)" in got.warnings[0]
+    assert "cannot represent any rotation of the part (it has a turn of -170 +- 0.0" in got.warnings[0]
 
 
 @pytest.mark.parametrize(("frame", "name"), [(turned(-170.0), "grbl:G54"), (turned(0.03), "grbl:g55")])
@@ -102,8 +107,32 @@ def test_a_lost_turn_is_refused(frame, name):
 
 
 def test_a_lost_tilt_is_refused(rng):
-    with pytest.raises(InputError, match="cannot represent a tilt of 2 deg"):
+    with pytest.raises(InputError, match=r"cannot represent a tilt of 2 \+- "):
         written("G54", upright(rng, np.radians(2.0)))
+
+
+@pytest.mark.parametrize("name", ["grbl:G54", "G54", "heidenhain"])
+def test_a_rotation_within_its_sd_is_written(name):
+    """0.1 +- 0.08 degrees displace the far corner by 0.39 mm; 0.1 +- 0.02 degrees are a rotation that is there."""
+    turn = SO3.axis_rotation(2 if "grbl" in name else 1, np.radians(0.1))
+    for sd, allowed in ((0.08, True), (0.02, False)):
+        frame = UncertainFrame(SE3.from_parts(turn, np.zeros(3)), np.diag([1e-8] * 3 + [np.radians(sd) ** 2] * 3))
+        if not allowed:
+            with pytest.raises(InputError, match=r"0\.1 \+- 0\.02 deg"):
+                written(name, frame)
+            continue
+        got = written(name, frame)
+        worst = 1e3 * np.linalg.norm(CORNERS @ turn.T - CORNERS, axis=1).max()
+        assert f"omitted {worst:.4f} mm" in got.text
+        assert "do not distinguish this rotation from none" in got.warnings[0]
+
+
+def test_a_certain_turn_beside_an_unsure_tilt():
+    """A turn of 0.2 +- 0.02 degrees is refused although the tilt of 1 +- 1 degrees alone may be none."""
+    T = SE3.from_parts(SO3.axis_rotation(2, np.radians(0.2)) @ SO3.axis_rotation(0, np.radians(1.0)), np.zeros(3))
+    frame = UncertainFrame(T, np.diag([1e-8] * 3 + list(np.radians([1.0, 1.0, 0.02]) ** 2)))
+    with pytest.raises(InputError, match="cannot represent any rotation"):
+        written("grbl:G54", frame)
 
 
 def test_a_turn_below_a_tenth_is_a_warning():

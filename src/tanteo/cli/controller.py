@@ -209,8 +209,11 @@ class Words:
         part = part_named(parts, best.part)
         error = corner_error(best, part)
         of_part = "".join(f"part {P:.1%}, this pose " for _, P in answer.several_poses[:1])
-        sure = f"{of_part}{best.probability:.1%}, farthest corner within {1e3 * error:.3g} mm (95 %)"
-        note = f"{best.part}: {answer.status}, {sure}"
+        named = f"{best.part}: {answer.status}, {of_part}{best.probability:.1%}"
+
+        def note(omitted: float) -> str:
+            return f"{named}, farthest corner within {1e3 * (error + omitted):.3g} mm (95 %)"
+
         corners = box_corners(part)
         return io.poses.write_work_frame(
             self.wcs, _upright(answer, parts), corners, note, accept_lost=self.accept_turn_lost

@@ -7,7 +7,8 @@ about a point of the work frame, three decimals of a degree), which FANUC's cont
 Heidenhain's cycles 7 (datum shift) and 10 (rotation, three decimals of a degree) of its user's manuals;
 FANUC ``PR[n,k]=`` and ``UFRAME[n]=`` of robots (public TP programs); KUKA ``BASE_DATA`` and ``$BASE``; ABB
 ``wobjdata``; URScript pose variables. A work offset of a 3-axis machine rotates about z at most. A frame is refused if
-the omitted rotation moves a corner of the part by more than :data:`LOST`; below, a warning states the displacement.
+the omitted rotation moves a corner of the part by more than :data:`LOST` and is not explained by the uncertainty of the
+pose (chi-square test, :data:`LEVEL`); otherwise a warning states the displacement.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import numpy as np
 
 from tanteo.errors import InputError, did_you_mean
 from tanteo.geometry import SE3, SO3, UncertainFrame
+from tanteo.geometry.special import chi2_quantile
 from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.io.poses.pose_text import brand_fields
 from tanteo.io.readings.brands import BRANDS
@@ -43,6 +45,12 @@ _Turn = Literal["none", "R", "rounded"]
 
 LOST = 1e-4
 """Displacement of a corner by the omitted rotation above which a frame is refused [m]; the user accepts it by name."""
+
+LEVEL = 0.95
+"""Level of the chi-square test above which an omitted rotation is not explained by its uncertainty."""
+
+_EXACT = 1e-9
+"""Numerical: standard deviation of a rotation that counts as exact [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +111,12 @@ def parse_work_frame(text: str) -> WorkFrame:
     return WorkFrame(name, slot)
 
 
+Note = Callable[[float], str]
+"""Comment line of a frame, from the displacement of the farthest corner by an omitted rotation [m]."""
+
+
 def write_work_frame(
-    where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, *, accept_lost: bool = False
+    where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: Note, *, accept_lost: bool = False
 ) -> WrittenFrame:
     """Return the lines that set a frame of a controller to a pose.
 
@@ -112,12 +124,12 @@ def write_work_frame(
         where: frame to set.
         frame: pose of the part in the machine's or the robot's world, with covariance.
         corners: corners of the part's box, part frame ``(n, 3)`` [m].
-        note: comment line that names the part and the uncertainty.
+        note: returns the comment line that names the part and the uncertainty, see :data:`Note`.
         accept_lost: whether to write a frame that omits a rotation of the part, with a warning.
 
     Raises:
-        InputError: the frame omits a rotation that displaces a corner of the part by more than 0.1 mm, or the part's z
-            axis is tilted by more than 45 degrees.
+        InputError: the frame omits a rotation that displaces a corner of the part by more than 0.1 mm and that the
+            uncertainty of the pose does not explain, or the part's z axis is tilted by more than 45 degrees.
     """
     write = CONTROLLERS[where.controller][3]
     return write(where, frame, corners, note, accept_lost)
@@ -141,13 +153,15 @@ class _AboutZ:
     Attributes:
         x, y, z: origin, as text [mm].
         a: rotation about z, as text [deg].
-        lost: what the omitted rotation displaces; empty if it is negligible.
+        off: displacement of the part's farthest corner by the omitted rotation [m].
+    lost: sentence on the omitted rotation; empty if it is negligible.
     """
 
     x: str
     y: str
     z: str
     a: str
+    off: float
     lost: str
 
 
@@ -157,7 +171,8 @@ def _about_z(
     """Return the frame without its tilt, and what this displaces.
 
     Raises:
-        InputError: the omitted rotation displaces a corner by more than 0.1 mm, or the part's z axis is tilted.
+        InputError: the omitted rotation displaces a corner by more than 0.1 mm and is not explained by its uncertainty,
+            or the part's z axis is tilted.
     """
     T = frame.T
     tilt = float(np.arccos(np.clip(T[2, 2], -1.0, 1.0)))
@@ -171,21 +186,34 @@ def _about_z(
     a = {"none": "0", "rounded": f"{float(a):.3f}", "R": a}[turn]
     kept_part = SE3.from_parts(SO3.axis_rotation(2, np.radians(float(a))), T[:3, 3])
     off = float(np.linalg.norm(SE3.apply(T, corners) - SE3.apply(kept_part, corners), axis=-1).max())
-    what = f"a tilt of {np.degrees(tilt):.3g} deg"
+    omitted = SO3.log(T[:3, :3] @ kept_part[:3, :3].T)  # world axes
+    C = T[:3, :3] @ frame.C[3:, 3:] @ T[:3, :3].T + _EXACT**2 * np.eye(3)
+    own = slice(0, 3 if turn == "none" else 2)
+    explained = omitted[own] @ np.linalg.solve(C[own, own], omitted[own]) <= chi2_quantile(LEVEL, own.stop)
+    across = omitted[:2] / max(float(np.linalg.norm(omitted[:2])), _EXACT)
+    what = f"a tilt of {_degrees(tilt, across @ C[:2, :2] @ across)}"
     if turn == "none":
-        yaw = np.degrees(np.arctan2(nearest[1, 0], nearest[0, 0]))
-        what = f"any rotation of the part (it is turned by {yaw:.4g} deg)"
+        yaw = np.arctan2(nearest[1, 0], nearest[0, 0])
+        what = f"any rotation of the part (it has a turn of {_degrees(yaw, C[2, 2])} and {what})"
     lost = f"{name} cannot represent {what}: the part's farthest corner is {1e3 * off:.3g} mm off."
-    if off > LOST and not accept_lost:
+    if off > LOST and not (accept_lost or explained):
         raise InputError(
             f"--wcs: expected a frame that holds the part to {1e3 * LOST:g} mm, got {where.controller}:{where.slot}. "
             f"{lost} Align the part, write its pose (--as matrix), or state --accept-turn-lost."
         )
-    return _AboutZ(x, y, z, a, lost if off > _NOTABLE else "")
+    if off > LOST and explained:
+        lost += " The readings do not distinguish this rotation from none."
+    return _AboutZ(x, y, z, a, off, lost if off > _NOTABLE else "")
+
+
+def _degrees(angle: float, variance: float) -> str:
+    """Return an angle with its standard deviation, as text, from an angle [rad] and a variance [rad^2]."""
+    sd = np.degrees(np.sqrt(variance))
+    return f"{np.degrees(angle):.3g} +- {sd:.2g} deg"
 
 
 def _offset(
-    where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, accept_lost: bool, turn: _Turn
+    where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: Note, accept_lost: bool, turn: _Turn
 ) -> WrittenFrame:
     """Return a work offset of a machine that reads G-code."""
     slot = where.slot
@@ -204,7 +232,7 @@ def _offset(
     if where.within:
         before, words = _after(OFFSETS[where.within], x, y, z, a)
     lines = [
-        f"({_gcode_comment(note)})",
+        f"({_gcode_comment(note(at.off))})",
         f"(readings in {where.within or 'machine coordinates'}, millimetres)",
         "G21 G90",
     ]
@@ -231,11 +259,13 @@ def _gcode_comment(text: str) -> str:
     return re.sub(r"[^\x20-\x7e]", "?", text.replace("(", "[").replace(")", "]"))
 
 
-def _fanuc(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __: bool) -> WrittenFrame:
+def _fanuc(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: Note, __: bool) -> WrittenFrame:
     """Return a TP program; ``LPOS`` makes the position register Cartesian before its elements are written."""
     register = 100
     values = brand_fields("fanuc", frame)
-    steps = [f"!{words[:30]}" for words in re.split(r"[:,] |(?<=mm) ", note.replace("farthest corner", "corner"))] + [
+    steps = [
+        f"!{words[:30]}" for words in re.split(r"[:,] |(?<=mm) ", note(0.0).replace("farthest corner", "corner"))
+    ] + [
         "UFRAME_NUM=0",
         f"PR[{register}]=LPOS",
     ]
@@ -247,7 +277,7 @@ def _fanuc(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __: b
 
 
 def _fanuc_frame(
-    where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, accept_lost: bool
+    where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: Note, accept_lost: bool
 ) -> WrittenFrame:
     """Return a work offset of a machine tool, or the TP program of a robot."""
     if where.slot in OFFSETS:
@@ -255,11 +285,11 @@ def _fanuc_frame(
     return _fanuc(where, frame, corners, note, accept_lost)
 
 
-def _siemens(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __: bool) -> WrittenFrame:
+def _siemens(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: Note, __: bool) -> WrittenFrame:
     """Return a settable frame with all three rotations, in the order Z, Y', X'' of RPY angles."""
     x, y, z, a, b, c = brand_fields("kuka", frame)
     value = f"CTRANS(X,{x},Y,{y},Z,{z}) : CROT(X,{c},Y,{b},Z,{a})"
-    lines = [f"; {note}", "; readings in machine coordinates, millimetres", "G710 G90",
+    lines = [f"; {note(0.0)}", "; readings in machine coordinates, millimetres", "G710 G90",
              f"$P_UIFR[{OFFSETS[where.slot]}] = {value}", where.slot, ""]  # fmt: skip
     return WrittenFrame("\n".join(lines), (
         "positions of the readings are taken as machine coordinates (G53), without work offset.",
@@ -268,11 +298,11 @@ def _siemens(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __:
 
 
 def _heidenhain(
-    where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, accept_lost: bool
+    where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: Note, accept_lost: bool
 ) -> WrittenFrame:
     """Return a datum shift and a rotation in the working plane, relative to the active preset."""
     at = _about_z(where, frame, corners, accept_lost, "rounded", "cycle 10")
-    lines = [f"; {note}", "; readings relative to the active preset, millimetres", "CYCL DEF 7.0 DATUM SHIFT"]
+    lines = [f"; {note(at.off)}", "; readings relative to the active preset, millimetres", "CYCL DEF 7.0 DATUM SHIFT"]
     shift = zip("XYZ", (at.x, at.y, at.z), strict=True)
     lines += [f"CYCL DEF 7.{k} {axis}{float(value):+.4f}" for k, (axis, value) in enumerate(shift, 1)]
     lines += ["CYCL DEF 10.0 ROTATION", f"CYCL DEF 10.1 ROT{float(at.a):+.3f}"]
@@ -281,24 +311,24 @@ def _heidenhain(
     return WrittenFrame("\n".join([*lines, ""]), warnings)
 
 
-def _kuka(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __: bool) -> WrittenFrame:
+def _kuka(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: Note, __: bool) -> WrittenFrame:
     value = BRANDS["kuka"].syntax.format(*brand_fields("kuka", frame)).replace("{X", "{FRAME: X")
-    return WrittenFrame(f"; {note}\nBASE_DATA[{where.slot}] = {value}\n$BASE = BASE_DATA[{where.slot}]\n", ())
+    return WrittenFrame(f"; {note(0.0)}\nBASE_DATA[{where.slot}] = {value}\n$BASE = BASE_DATA[{where.slot}]\n", ())
 
 
-def _abb(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __: bool) -> WrittenFrame:
+def _abb(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: Note, __: bool) -> WrittenFrame:
     value = BRANDS["abb"].syntax.format(*brand_fields("abb", frame))
     data = f'[FALSE, TRUE, "", {value}, [[0, 0, 0], [1, 0, 0, 0]]]'
-    return WrittenFrame(f"! {note}\nPERS wobjdata {where.slot} := {data};\n", ())
+    return WrittenFrame(f"! {note(0.0)}\nPERS wobjdata {where.slot} := {data};\n", ())
 
 
-def _ur(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str, __: bool) -> WrittenFrame:
+def _ur(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: Note, __: bool) -> WrittenFrame:
     value = BRANDS["ur"].syntax.format(*brand_fields("ur", frame))
     use = f"# a point p of the part: movel(pose_trans({where.slot}, p))"
-    return WrittenFrame(f"# {note}\n{use}\nglobal {where.slot} = {value}\n", ())
+    return WrittenFrame(f"# {note(0.0)}\n{use}\nglobal {where.slot} = {value}\n", ())
 
 
-_Writer = Callable[[WorkFrame, UncertainFrame, Vectors, str, bool], WrittenFrame]
+_Writer = Callable[[WorkFrame, UncertainFrame, Vectors, Note, bool], WrittenFrame]
 _NAME = r"[A-Za-z][A-Za-z0-9_]{0,30}"
 _G = r"G5[4-9]"
 
