@@ -151,6 +151,19 @@ def test_the_frame_of_the_part_does_not_matter(target, tmp_path):
     assert sum(d.moves**2 for d in a.directions) == pytest.approx(mean_square, rel=1e-9)
 
 
+def test_directions_divide_the_error_of_the_answer(target):
+    """The errors that are assumed because none are stated widen the answer, and the directions sum to its square."""
+    start = at_pose(target, np.eye(4), np.diag(np.repeat([PLACE, TURN], 3)) ** 2, Priors(noise_factor=1.0))
+    session = Session(start, LASER, Sensing(sd=SD))
+    for one in TOUCHES:
+        session.tell(one)
+    best, J = session.answer().hypotheses[0], corner_moves(target.part)
+    assert np.trace(best.covariance) > 1.01 * np.trace(session.state.covariances[0])
+    mean_square = np.trace(J @ best.covariance @ np.swapaxes(J, 1, 2), axis1=1, axis2=2).mean()
+    directions = explain(session.state, session.steps).directions
+    assert sum(d.moves**2 for d in directions) == pytest.approx(mean_square, rel=1e-9)
+
+
 def test_the_spin_of_a_round_part_is_nothing_to_be_known(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     trimesh.creation.cylinder(20, 60, sections=96).export(tmp_path / "pin.stl")

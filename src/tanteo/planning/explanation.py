@@ -13,13 +13,16 @@ from tanteo.parts import Part
 from tanteo.planning.start import Start
 from tanteo.planning.state import SensingState, begin
 from tanteo.planning.stopping import largest_corner_sd
-from tanteo.posterior import DEFAULTS
-from tanteo.posterior.answers import corner_moves, motion_of, observed_covariance, symmetry_motions
+from tanteo.posterior import DEFAULTS, as_hypothesis
+from tanteo.posterior.answers import corner_moves, motion_of, principal_errors
 from tanteo.posterior.fit_at_mode import face_names, goodness_of_fit, information_by_point
 from tanteo.words import Motion
 
 _FORGOTTEN = np.exp(-DEFAULTS.search.negligible)
 """Upper bound of the probability of a part that the search has discarded."""
+
+_NOTHING = 1e-300
+"""Numerical: information that is not divided by zero."""
 
 
 class Observation(Protocol):
@@ -77,7 +80,7 @@ class Direction:
     """Principal direction of the final pose's covariance, and the readings that constrain it.
 
     The directions are principal for the corners of the part's box: the squares of ``moves`` sum to their mean square
-    error.
+    error, assumed errors included. The fractions divide the information of the readings for known shared errors.
 
     Attributes:
         motion: motion of the part along the direction.
@@ -181,23 +184,18 @@ def _narrowed(part: Part, old: Covariances, after: Observation) -> tuple[Motion 
 
 
 def _directions(state: SensingState) -> tuple[Direction, ...]:
-    """Return the principal directions of the corner errors, without the spin of a round part.
-
-    Corner errors are used because they do not depend on the choice of the part's frame.
-    """
+    """Return the principal errors of the answer's pose, with the assumed errors that its covariance contains."""
     if state.touches is None or not state.modes:
         return ()
     mode, part = state.modes[0], state.target(0).part
-    own = information_by_point(mode)
-    J = corner_moves(part)
-    L = np.linalg.cholesky(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
-    values, vectors = np.linalg.eigh(L.T @ observed_covariance(part, state.covariances[0]) @ L)
-    out, count = [], 6 - len(symmetry_motions(part))
-    for variance, u in zip(values[::-1][:count], vectors.T[::-1][:count], strict=True):
-        xi = np.linalg.solve(L.T, u)
-        total, each = float(xi @ mode.information[:6, :6] @ xi), (own @ xi) @ xi
+    stated = state.start.stated(int(state.rows[0]))
+    answer = as_hypothesis(state.touches, goodness_of_fit(mode), stated, state.unstated)
+    own, J, out = information_by_point(mode), corner_moves(part), []
+    for xi in principal_errors(part, answer.covariance):
+        total, each = max(float(xi @ mode.information[:6, :6] @ xi), _NOTHING), (own @ xi) @ xi
+        rms = float(np.sqrt(np.mean(np.sum((J @ xi) ** 2, axis=-1))))
         order = np.argsort(-each, kind="stable")
         shares = tuple((state.touches.ids[i], float(each[i] / total)) for i in order)
         words = motion_of(part, xi, state.poses[0])
-        out.append(Direction(words, float(np.sqrt(max(variance, 0.0))), shares, 1 - float(each.sum()) / total))
+        out.append(Direction(words, rms, shares, 1 - float(each.sum()) / total))
     return tuple(out)

@@ -63,6 +63,7 @@ def test_every_answer_has_its_place_in_the_charts_and_its_row(session):
 def test_the_directions_of_session_are_those_of_its_explanation(session):
     page, directions = session_page(session, RUN), explain(session.state, session.steps).directions
     first = page.index('id="rests"')
+    assert page.count('aria-label="Show: ') >= len([d for d in directions if d.moves > 0.02 * directions[0].moves]) > 2
     for d in directions:
         name, share = d.shares[0]
         assert f"{name} ({100 * share:.1f} %)" in page[first:], d.motion

@@ -191,10 +191,10 @@ def _about_z(
     own = slice(0, 3 if turn == "none" else 2)
     explained = omitted[own] @ np.linalg.solve(C[own, own], omitted[own]) <= chi2_quantile(LEVEL, own.stop)
     across = omitted[:2] / max(float(np.linalg.norm(omitted[:2])), _EXACT)
-    what = f"a tilt of {_degrees(tilt, across @ C[:2, :2] @ across)}"
+    what = f"a tilt of {_degrees(tilt, float(across @ C[:2, :2] @ across))}"
     if turn == "none":
         yaw = np.arctan2(nearest[1, 0], nearest[0, 0])
-        what = f"any rotation of the part (it has a turn of {_degrees(yaw, C[2, 2])} and {what})"
+        what = f"any rotation of the part (it has a turn of {_degrees(yaw, float(C[2, 2]))} and {what})"
     lost = f"{name} cannot represent {what}: the part's farthest corner is {1e3 * off:.3g} mm off."
     if off > LOST and not (accept_lost or explained):
         raise InputError(

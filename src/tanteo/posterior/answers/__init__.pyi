@@ -5,6 +5,7 @@ from .part_motions import motion_of as motion_of
 from .part_motions import observed_covariance as observed_covariance
 from .part_motions import part_scale as part_scale
 from .part_motions import point_moves as point_moves
+from .part_motions import principal_errors as principal_errors
 from .part_motions import split_by_symmetry as split_by_symmetry
 from .part_motions import symmetry_motions as symmetry_motions
 from .part_motions import where_to_sense as where_to_sense

@@ -114,6 +114,26 @@ def point_moves(points: FloatArray) -> FloatArray:
     return J
 
 
+def principal_errors(part: Part, covariance: Covariances) -> Tangents:
+    """Return the independent errors of a pose, principal for the mean square displacement of the corners of the box.
+
+    Each is one standard deviation along a direction, and the covariance is the sum of their outer products. The spin of
+    a round part is no error.
+
+    Args:
+        part: the part.
+        covariance: covariance of the pose, part frame, right perturbation ``(6, 6)`` [m, rad].
+
+    Returns:
+        Right perturbations, the largest displacement first ``(6 - k, 6)`` [m, rad], with ``k`` motions of symmetry.
+    """
+    values, vectors = np.linalg.eigh(observed_covariance(part, covariance))
+    root = vectors * np.sqrt(values.clip(0.0))
+    moved = (corner_moves(part) @ root).reshape(24, 6)
+    order = np.linalg.eigh(moved.T @ moved)[1][:, ::-1]
+    return np.asarray((root @ order).T[: 6 - len(symmetry_motions(part))])
+
+
 def motion_of(part: Part, motion: Tangents, T_world_part: Transforms) -> Motion:
     """Describe a motion of the pose in the world, without components that hardly move the part's corners.
 

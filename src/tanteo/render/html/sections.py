@@ -153,13 +153,12 @@ def directions_of(candidate: Candidate, sensed: Sensed) -> tuple[Direction, ...]
 def _directions(candidate: Candidate, directions: Sequence[Direction]) -> Html:
     if not directions:
         return element("p", "No reading hit anything, so no direction is determined.")
-    overlays = [way.motion.brief for way in candidate.ways]
     rows = []
-    for d in directions:
+    for k, d in enumerate(directions):
         words = d.motion.brief
         show: Html | str = ""
-        if words in overlays:
-            show = element("button", "Show", type="button", data_way=overlays.index(words), aria_label=f"Show: {words}")
+        if k < len(candidate.ways):  # both are the principal errors of one covariance, the largest first
+            show = element("button", "Show", type="button", data_way=k, aria_label=f"Show: {words}")
         rows.append((words, f"{MM * d.moves:.3g}", join([_direction_bar(d), element("div", _determined_by(d))]), show))
     headers = ("possible error", "motion of the corners, rms [mm]", "determined by", "overlays")
     return table(headers, rows, class_="directions")

@@ -9,14 +9,14 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, Tangents, Transforms
 from tanteo.parts import Part
-from tanteo.posterior.answers import corner_moves, motion_of
+from tanteo.posterior.answers import corner_moves, motion_of, principal_errors
 from tanteo.words import Motion
 
 _LEVELS = (1, 2, 3)
 """Standard deviations of the drawn overlays."""
 
 _NOTABLE = 0.01
-"""Fraction of the largest motion below which a principal error is not shown."""
+"""Fraction of the largest principal error below which a principal error is not shown."""
 
 _SHOWN = 0.16
 """Largest displacement of the farthest overlay, as a fraction of the part's size."""
@@ -44,22 +44,18 @@ class Way:
 def find_ways(part: Part, T_world_part: Transforms, covariance: Covariances) -> tuple[tuple[Way, ...], int]:
     """Return the principal errors of a pose, and the magnification of their overlays.
 
-    They are uncorrelated, and principal for the mean square displacement of the corners of the part's box.
+    They are the first ones of :func:`tanteo.posterior.answers.principal_errors`; those that hardly move the part are
+    left out.
 
     Args:
         part: part at the pose.
         T_world_part: pose ``(4, 4)``.
         covariance: covariance of the pose, part frame, right perturbation ``(6, 6)`` [m, rad].
     """
-    T, J = T_world_part, corner_moves(part)
-    values, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(values.clip(0.0))
-    moved = (J @ root).reshape(24, 6)
-    order = np.linalg.eigh(moved.T @ moved)[1][:, ::-1]
-    xis = (root @ order).T
+    T, J, xis = T_world_part, corner_moves(part), principal_errors(part, covariance)
     far = np.linalg.norm(xis @ np.swapaxes(J, 1, 2), axis=-1)
     moves, rms = far.max(axis=0), np.sqrt(np.mean(far**2, axis=0))
-    kept = moves > _NOTABLE * moves.max()
+    kept = rms > _NOTABLE * rms.max()
     enlarged = _enlarged(float(moves.max()), part.diagonal)
     steps = np.array([[-level, level] for level in _LEVELS], dtype=np.float64) * enlarged
     ways = []
