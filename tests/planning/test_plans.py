@@ -373,6 +373,7 @@ def test_a_plan_counts_the_errors_that_locate_assumes(placements):
     J = SE3.adjoint(SE3.from_parts(np.eye(3), block.part.centroid))
     start = at_pose(block, np.eye(4), J @ np.diag(np.repeat([3e-3, np.radians(2)], 3) ** 2) @ J.T)
     found = plan(start, Probe("touch", NoiseLaw.of(1.5e-4), contact=True, standoff=0.03), 4e-4)
+    assert "State smaller ones with --scale-sd" in found.message
     stated, rng = found.findings[0].within_assumed, np.random.default_rng(53)
     kept = sum(carried_out(found, block, start, 1.5e-4, rng, assumed=True) <= 4e-4 for _ in range(placements))
     assert binom.ppf(1e-3, placements, stated) <= kept <= binom.ppf(0.999, placements, stated)

@@ -31,6 +31,16 @@ def _spread(goal: f.PlanGoal, sd: float) -> str:
     return f"sd of {goal.feature} {millimetres(sd)}" if goal.feature else f"largest corner sd {millimetres(sd)}"
 
 
+_SMALLER = (
+    "The readings show whether these errors are large: check the answer with --need, or use a session, which goes on "
+    "until the goal is kept with them. State smaller ones with --scale-sd, --drift-sd or --warp-sd."
+)
+"""Advice for a plan whose goal the assumed errors may prevent."""
+
+_NOTABLE = 0.01
+"""Loss of probability by assumed errors below which no advice is given."""
+
+
 def _at_least(p: float) -> str:
     """Return a probability that is rounded down, so that it does not appear to reach a demanded one."""
     return f"{math.floor(1e3 * p) / 1e3:.3f}"
@@ -49,9 +59,10 @@ def _(one: f.PlanResult) -> Words:
     after = f"After them: {_spread(one.goal, one.sd)}."
     if not math.isnan(one.within_assumed):
         after += f" With a scale error, drift and warp as locate assumes them: P = {_at_least(one.within_assumed)}."
+    smaller = _SMALLER if one.within_assumed < one.within - _NOTABLE else ""
     places = "1 reading places" if one.count == 1 else f"{one.count} readings place"
     if one.reached:
-        return f"{places} {_aim(one.goal)} ({chances}). {after}", ""
+        return f"{places} {_aim(one.goal)} ({chances}). {after}", smaller
     text = f"{places.replace(' place', ' do not place').replace('do not places', 'does not place')} {_aim(one.goal)}"
     more = f"a better prior pose, or {_SESSION}" if one.better_start else "a better sensor, or another approach"
     return f"{text} ({chances}). {after}", f"Allow more readings, use {more}."
