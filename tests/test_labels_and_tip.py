@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bare_scenes import box_centred_pose, nees
-from tanteo import Readings, identify
+from tanteo import PosePrior, Priors, Readings, identify, locate
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 
@@ -66,3 +66,19 @@ def test_labels_are_used_where_the_tip_is_known(bracket):
         assert answer.status == "recognized"
     published = identify(readings, [bracket], tip_sd=TIP, as_published=True)
     assert "Labels" not in published.message
+
+
+def test_a_tip_that_nothing_observes_is_not_contradicted(bracket):
+    """Eight touches by a hand that never turns: an offset of the tip is a shift of the part."""
+    for seed in range(4):
+        rng = np.random.default_rng((53, seed))
+        T = box_centred_pose(rng)
+        every = touched(bracket, T, rng, np.zeros(3))
+        some = every.take(rng.permutation(30)[:8])
+        still = SE3.from_parts(np.eye(3), some.points.values)
+        readings = Readings.from_columns(
+            some.points.values, sds=some.sds.values, directions=some.directions.values, Ts_world_hand=still
+        )
+        prior = PosePrior(T, np.diag(np.repeat([5e-3, 0.05], 3)) ** 2)
+        answer = locate(readings, bracket, priors=Priors(pose=prior))
+        assert "0.3 mm (1 sd) is assumed" in answer.message

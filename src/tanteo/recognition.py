@@ -57,6 +57,9 @@ if TYPE_CHECKING:
 _TIP_LIMIT = 11.34
 """99 % quantile of chi-square with three degrees of freedom, above which the assumed error of the tip is too small."""
 
+_TIP_LEAST = 0.1
+"""Numerical: least fraction of the variance of the tip's estimate; below it 2 mm are not noticed, either."""
+
 MOST_VIEWED = 64
 """Number of parts up to which images are compared with each of them, as :func:`tanteo.vision.see_table` does."""
 
@@ -347,11 +350,12 @@ def _tip_estimate(answer: Answer, measured: PointMeasurements, sd: float) -> Ass
 def _is_contradicted(tip: AssumedTip) -> bool:
     """Return whether the estimate of the tip contradicts the assumed standard deviation.
 
-    If the assumption is right, the estimates have the variance ``sd^2 - sds^2``.
+    If the assumption is right, the estimates have the variance ``sd^2 - sds^2``. Where the readings hardly observe the
+    tip, this difference is less than the errors of both terms, and the estimate contradicts nothing.
     """
     if not tip.estimate:
         return False
-    expected = np.maximum(tip.sd**2 - np.square(tip.sds), 1e-4 * tip.sd**2)
+    expected = np.maximum(tip.sd**2 - np.square(tip.sds), _TIP_LEAST * tip.sd**2)
     return float(np.sum(np.square(tip.estimate) / expected)) > _TIP_LIMIT
 
 

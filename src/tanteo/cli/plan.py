@@ -15,9 +15,10 @@ from tanteo.cli import arguments as args
 from tanteo.cli import files, typed
 from tanteo.cli.assumed_errors import AssumedErrors
 from tanteo.cli.misuse import misuse, require_errors
-from tanteo.cli.printing import emit, layout, leave, put
+from tanteo.cli.printing import complain, emit, layout, leave, put
 from tanteo.cli.probing import ProgramOptions
 from tanteo.cli.reach_options import ReachOptions
+from tanteo.defaults import TIP_SD
 from tanteo.errors import InputError
 from tanteo.replaced import replaced
 
@@ -102,7 +103,14 @@ class Options(AssumedErrors):
         where["form_sd"] = self.form_sd
         probe = probe_of(self.sensor or self.sd or 0.0, self.robot, **where)
         shared = math.hypot(probe.shared_sd, *(error.spread * error.sd for error in self.bias_sd or ()))
-        moved = math.hypot(probe.base_sds[0], max(self.tip_sd or (0.0,)))  # of a tool that keeps its attitude
+        tip_sd, assumed = program.tip_sd(self.tip_sd)
+        if assumed:
+            complain(
+                "warning",
+                f"--tip-sd: not stated. The log will have the pose of the tool, so locate assumes an offset of the tip "
+                f"of {1e3 * TIP_SD:g} mm (1 sd), and the plan counts it. State 0,0,0mm for an exact tip.",
+            )
+        moved = math.hypot(probe.base_sds[0], max(tip_sd))  # of a tool that keeps its attitude
         return replace(probe, shared_sd=shared, base_sds=(moved, probe.base_sds[1]))
 
 

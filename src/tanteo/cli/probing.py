@@ -12,6 +12,7 @@ from tanteo.cli import arguments as args
 from tanteo.cli import typed
 from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, print_text
+from tanteo.defaults import TIP_SD
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -124,6 +125,19 @@ class ProgramOptions:
         down = program_language(self.program).points_down or not turned
         stylus = {"stylus": [-v for v in _DOWN]} if down else {"stylus_along_motion": True}
         return stated | stylus
+
+    def tip_sd(self, stated: tuple[float, ...] | None) -> tuple[tuple[float, ...], bool]:
+        """Return the standard deviations of the tip's offset [m], and whether they are those that ``locate`` assumes.
+
+        Args:
+            stated: standard deviations that the user states; None without a statement.
+        """
+        if stated is not None or self.program is None:
+            return tuple(stated or (0.0,)), False
+        from tanteo.machines.programs import program_language
+
+        assumed = program_language(self.program).logs_hand
+        return ((TIP_SD,) if assumed else (0.0,)), assumed
 
     def written(self, found: Plan, part: Part, probe: Probe, covariance: Covariances) -> str | None:
         """Return the probing program of a plan, empty without touches; None without ``--program``.

@@ -18,19 +18,20 @@ COLUMNS = "id,x_mm,y_mm,z_mm,radius_mm,dx,dy,dz"
 """Columns of the readings file that the log becomes."""
 
 
-def robot_header(job: Job, log: list[str]) -> list[str]:
+def robot_header(job: Job, log: list[str], probe: str = "probe on digital input 1, high at contact") -> list[str]:
     """Return the header lines that the operator must read before the program runs.
 
     Args:
         job: touches of the program.
         log: lines on the log of this controller; they come last.
+        probe: input of the probe.
     """
     return [
         f"tanteo plan: {len(job.touches)} touches of {job.part}",
         job.message,
         f"time: about {sum(job.seconds):.0f} s, {max(job.seconds):.0f} s for the slowest touch",
         "frame: world of the plan = the robot's base; tool: TCP at the centre of the ball, z along the stylus,",
-        f"away from the flange; ball radius {1e3 * job.radius:g} mm; probe on digital input 1 (UR: 0), high at contact",
+        f"away from the flange; ball radius {1e3 * job.radius:g} mm; {probe}",
         "before it starts: a free straight way from where the robot is to the first point.",
         "obstacles around the part are unknown: check every motion, and run it without the part and slowly first",
         *log,

@@ -23,10 +23,12 @@ class ProgramLanguage:
         write: function that returns the program of a job as text.
         points_down: whether the stylus always points down, as on a 3-axis machine. Otherwise the program turns it
             along each touch.
+        logs_hand: whether the log has the pose of the tool with each touch.
     """
 
     write: Callable[[Job], str]
     points_down: bool = False
+    logs_hand: bool = False
 
 
 PROGRAMS: Registry[ProgramLanguage] = Registry(
@@ -35,10 +37,10 @@ PROGRAMS: Registry[ProgramLanguage] = Registry(
     {
         "linuxcnc": ProgramLanguage(linuxcnc, points_down=True),
         "grbl": ProgramLanguage(grbl, points_down=True),
-        "ur": ProgramLanguage(ur),
+        "ur": ProgramLanguage(ur, logs_hand=True),
         "fanuc": ProgramLanguage(fanuc),
         "kuka": ProgramLanguage(kuka),
-        "abb": ProgramLanguage(abb),
+        "abb": ProgramLanguage(abb, logs_hand=True),
     },
 )
 """Languages by the name of the controller."""

@@ -19,7 +19,8 @@ def ur(job: Job) -> str:
         "log: lines of a readings file (CSV) in the log of PolyScope (textmsg): copy those that begin with a number,"
     ]
     log += [f"and the line of columns above them: {_COLUMNS}"]
-    lines = [f"# {text}" for text in robot_header(job, log)] + _UR.format(feed=job.feed, approach=APPROACH).splitlines()
+    header = robot_header(job, log, "probe on digital input 0, high at contact")
+    lines = [f"# {text}" for text in header] + _UR.format(feed=job.feed, approach=APPROACH).splitlines()
     lines += [f'  textmsg("{_COLUMNS}")']
     for touch, way in ways(job):
         lines.append(f"  # touch {touch.number}: {touch.face}")

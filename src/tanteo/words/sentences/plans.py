@@ -71,8 +71,8 @@ def _(one: f.PlanResult) -> Words:
 @words_of.register
 def _(one: f.SystematicErrorLimits) -> Words:
     what = one.goal.feature or "the worst corner"
-    source = "the robot's own error" if not one.form_sd else f"the form error of {millimetres(one.form_sd)}"
-    advice = "Calibrate the robot, or sense relative to an object whose place matters."
+    source = "the error of robot and tip" if not one.form_sd else f"the form error of {millimetres(one.form_sd)}"
+    advice = "Calibrate them (--robot, --tip-sd), or sense relative to an object whose place matters."
     if one.form_sd:
         advice = "Allow a larger goal, touch machined faces only, or state a smaller --form-sd if the part has one."
     return (
