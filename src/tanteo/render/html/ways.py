@@ -45,7 +45,7 @@ def find_ways(part: Part, T_world_part: Transforms, covariance: Covariances) -> 
     """Return the principal errors of a pose, and the magnification of their overlays.
 
     They are the first ones of :func:`tanteo.posterior.answers.principal_errors`; those that hardly move the part are
-    left out.
+    excluded.
 
     Args:
         part: part at the pose.
