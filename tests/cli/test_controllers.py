@@ -121,7 +121,7 @@ def test_misuse(words, message, run):
     assert message in got.err
 
 
-PLAN = ("plan", "--part", BRACKET, "--goal", "0.3mm", "--sd", "0.02mm", "--tip-radius", "1.5mm")
+PLAN = ("plan", "--part", BRACKET, "--goal", "0.3mm", "--sd", "0.02mm", "--tip-radius", "1.5mm", "--tip-sd", "0,0,0mm")
 EXACT = ("--scale-sd", "1e-9", "--drift-sd", "1e-6mm", "--warp-sd", "1e-6mm")
 """The machine of the test, like a plan, has none of the errors that `locate` otherwise assumes."""
 

@@ -201,7 +201,7 @@ def touches_of(script):
 def test_a_robot_program_keeps_to_tool_table_and_time(run):
     got = run(
         "plan", "--part", BRACKET, "--goal", "0.5mm", "--sd", "0.05mm", "--tip-radius", "1.5mm", "--program", "ur",
-        "--table", "0+-0.1mm", "--tool-tilt", "30deg", "--tool-body", "50,30,150mm",
+        "--table", "0+-0.1mm", "--tool-tilt", "30deg", "--tool-body", "50,30,150mm", "--tip-sd", "0,0,0mm",
         "--pose-prior", "400,100,0mm 0,0,20deg +- 2mm 1deg",
     )  # fmt: skip
     assert got.code == 0, got.err
@@ -217,9 +217,11 @@ def test_a_robot_program_keeps_to_tool_table_and_time(run):
 
 
 def test_a_log_of_a_robot_program_has_the_pose_of_the_tool(run, tmp_path):
-    script = run(
-        "plan", "--part", BRACKET, "--goal", "0.5mm", "--sd", "0.05mm", "--tip-radius", "1.5mm", "--program", "ur"
-    ).out
+    common = "plan", "--part", BRACKET, "--goal", "0.5mm", "--sd", "0.05mm", "--tip-radius", "1.5mm", "--program", "ur"
+    assumed = run(*common)
+    assert assumed.code == 3
+    assert "locate assumes an offset of the tip of 0.3 mm" in assumed.err
+    script = run(*common, "--tip-sd", "0,0,0mm").out
     columns = re.search(r'textmsg\("(id,.*)"\)', script)[1]
     rows = [line for line in script.splitlines() if line.startswith('  touch("')]
     log = tmp_path / "log.csv"
