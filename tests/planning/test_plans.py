@@ -175,7 +175,7 @@ def test_a_robot_that_is_off_is_what_limits_the_plan(bracket):
     off = replace(TOUCH, base_sds=(1e-3, 1e-3))
     found = plan(at_pose(bracket, np.eye(4), C), off, 0.5e-3)
     assert not found.reached
-    assert "robot's own error" in found.message
+    assert "error of robot and tip" in found.message
     fewer = plan(
         at_pose(bracket, np.eye(4), C), off, 4e-3, 0.3, max_measurements=1
     )  # the message proposes more readings
@@ -186,7 +186,7 @@ def test_a_robot_that_is_off_is_what_limits_the_plan(bracket):
 @pytest.mark.slow
 def test_a_robot_that_is_off_limits_a_high_confidence_too(bracket):
     off = replace(TOUCH, base_sds=(1e-3, 1e-3))
-    assert "robot's own error" in plan(at_pose(bracket, np.eye(4), C), off, 2e-3, 0.999).message
+    assert "error of robot and tip" in plan(at_pose(bracket, np.eye(4), C), off, 2e-3, 0.999).message
 
 
 @pytest.fixture(scope="module")
