@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -21,6 +21,10 @@ from tanteo.values import FEW, Value, html_table
 
 FEW_MESHES, SMALL_FILE = 16, 300_000
 """Largest number and size [bytes] of mesh files that are read in this process."""
+
+_BYTES_PER_START = 2_000_000
+"""Numerical: size of the STEP files that one process reads while another one starts [bytes], in 1 s of processor time
+(``python benchmarks/reading.py``)."""
 
 _SHOWN = 20
 """Number of parts or failures that a notebook shows: one screen."""
@@ -116,7 +120,8 @@ def read_parts(
         paths: files, and folders whose readable files are used in alphabetical order (without subfolders).
         unit: length unit of files that carry none (STL, OBJ, PLY, OFF); required if there are such files. If there are
             none, it overrides the files' own units, and their repairs state that.
-        workers: number of reading processes; None for one per processor; 0 to read in this process.
+        workers: number of reading processes; None for one per processor, fewer for small files; 0 to read in this
+            process.
         cache: whether to use the cache on disk.
         progress: function called after each file with the number of files done and the total number.
         time_limit: time limit for one file [s]; None for one by file size; not enforced with ``workers=0``.
@@ -156,11 +161,16 @@ def read_parts(
     for index in read_inline(todo, workers):
         fresh(index, _read_here(todo.pop(index)))
     if todo:
-        count = min(len(todo), workers or os.cpu_count() or 1)
-        read_in_processes(todo, fresh, workers=count, time_limit=time_limit)
+        read_in_processes(todo, fresh, workers=_worker_count(todo, workers), time_limit=time_limit)
     parts = [result for _, result in sorted(results.items()) if isinstance(result, Part)]
     failed = [Failure(str(files[i]), result) for i, result in sorted(results.items()) if isinstance(result, str)]
     return Parts(tuple(parts), (*failures, *failed))
+
+
+def _worker_count(todo: Mapping[int, Request], workers: int | None) -> int:
+    """Return the number of processes for some requests: by default, no more than their start is worth."""
+    size = sum(split_body(request.path)[0].stat().st_size for request in todo.values())
+    return min(len(todo), workers or min(os.cpu_count() or 1, 1 + size // _BYTES_PER_START))
 
 
 def requested(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.parts.faces.elements import SymmetryGroup
@@ -302,16 +303,13 @@ def _labelled(part: Part) -> _Vectors:
 
 def _clusters(marks: FloatArray) -> IntArray:
     """Label rows that are equal within the loose tolerance, including chains."""
-    if len(marks) <= _FEW_VECTORS:  # SciPy takes longer to import
-        pairs = np.argwhere(np.abs(marks[:, None] - marks).max(axis=2) <= LOOSE)
-    else:
-        from scipy.spatial import cKDTree  # slow to import
-
-        tree = cKDTree(marks)
-        if tree.count_neighbors(tree, LOOSE, p=np.inf) > _MOST_PAIRS:  # meshes with very many equal facets
-            return np.unique(np.rint(marks / LOOSE), axis=0, return_inverse=True)[1].reshape(-1)
-        pairs = tree.query_pairs(LOOSE, p=np.inf, output_type="ndarray")
-    return components(len(marks), pairs[:, 0], pairs[:, 1])
+    cells, counts = np.unique(np.rint(marks / LOOSE), axis=0, return_inverse=True, return_counts=True)[1:]
+    if np.sum(counts**2) > _MOST_PAIRS:  # meshes with very many equal facets
+        return cells.reshape(-1)
+    places = marks[:, 1:] + np.outer(marks[:, 0], [10.0, 0.0, 0.0])  # vectors of two kinds are far from each other
+    first, second = _core.near_pairs(np.ascontiguousarray(places), float(np.sqrt(3) * LOOSE)).reshape(-1, 2).T
+    near = np.abs(marks[first] - marks[second]).max(axis=1, initial=0.0) <= LOOSE
+    return components(len(marks), first[near], second[near])
 
 
 def _pair_frame(first: FloatArray, second: FloatArray) -> FloatArray:

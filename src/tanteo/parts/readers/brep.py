@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -74,11 +75,12 @@ def face_mesh(face: Any) -> tuple[FloatArray, IntArray]:
     mesh = BRep_Tool.Triangulation_s(face, location)
     if mesh is None or not mesh.NbTriangles():
         return np.zeros((0, 3)), _no_rows(3)
-    move = location.Transformation()
-    nodes = [mesh.Node(i).Transformed(move) for i in range(1, mesh.NbNodes() + 1)]
-    points = np.array([(node.X(), node.Y(), node.Z()) for node in nodes])
-    corners = [mesh.Triangle(i) for i in range(1, mesh.NbTriangles() + 1)]
-    triangles = np.array([(t.Value(1), t.Value(2), t.Value(3)) for t in corners], dtype=np.int64) - 1
+    points = np.array([mesh.Node(i).Coord() for i in range(1, mesh.NbNodes() + 1)])
+    if not location.IsIdentity():
+        move = location.Transformation()
+        rows = np.array([[move.Value(i, k) for k in range(1, 5)] for i in range(1, 4)])
+        points = points @ rows[:, :3].T + rows[:, 3]
+    triangles = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64) - 1
     return points, triangles[:, ::-1] if face.Orientation() == TopAbs_REVERSED else triangles
 
 
@@ -151,13 +153,18 @@ def _straight(edge: Any, diagonal: float) -> bool:
     curve = BRepAdaptor_Curve(edge)
     if curve.GetType() == GeomAbs_Line:
         return True
-    places = [curve.Value(u) for u in np.linspace(curve.FirstParameter(), curve.LastParameter(), 9)]
-    points = np.array([(p.X(), p.Y(), p.Z()) for p in places])
-    chord = points[-1] - points[0]
-    length = float(np.linalg.norm(chord))
+    first, last = curve.FirstParameter(), curve.LastParameter()
+    start, end = (curve.Value(u).Coord() for u in (first, last))
+    length = math.dist(start, end)
     if length < 1e-9 * diagonal:
         return False
-    return bool(np.linalg.norm(np.cross(points - points[0], chord / length), axis=1).max() < 1e-6 * diagonal)
+    ahead = [(b - a) / length for a, b in zip(start, end, strict=True)]
+    for k in (4, 1, 2, 3, 5, 6, 7):  # nearly all curved edges leave the chord at its middle
+        off = [b - a for a, b in zip(start, curve.Value(first + k / 8 * (last - first)).Coord(), strict=True)]
+        along = sum(a * b for a, b in zip(off, ahead, strict=True))
+        if math.hypot(*(a - along * b for a, b in zip(off, ahead, strict=True))) >= 1e-6 * diagonal:
+            return False
+    return True
 
 
 def _no_rows(width: int) -> IntArray:
