@@ -6,7 +6,7 @@ import pytest
 import tanteo
 from tanteo import _core
 from tanteo.catalogue import copies
-from tanteo.catalogue.copies import SHARE, Resolution, copy_for_field, copy_of
+from tanteo.catalogue.copies import SHARE, Resolution, copy_for_field, copy_for_walls, copy_of
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import Surface
 
@@ -218,6 +218,20 @@ def test_copies_are_as_coarse_as_the_noise_of_many_readings(large):
         assert away < 1.5 * SHARE * sd
         assert copy.area == large.area
         assert copy.faces == large.faces
+
+
+def thickness(part):
+    """Return the thickness of a part along z at some places [m]."""
+    at = np.array([[x, y, 0.1] for x in (-0.02, 0.0, 0.02) for y in (-0.015, 0.01)])
+    surface, down = Surface(part.vertices, part.triangles), np.tile([0.0, 0.0, -1.0], (len(at), 1))
+    return 0.2 - surface.cast(at, down).distances - surface.cast(at * [1, 1, -1], -down).distances
+
+
+def test_walls_are_measured_on_a_copy_that_keeps_them(large):
+    copy = copy_for_walls(large)
+    assert len(copy.triangles) < 0.8 * len(large.triangles)
+    # two oblique surfaces: twice the deviation each
+    assert np.abs(thickness(copy) - thickness(large)).max() < 4e-4 * large.diagonal
 
 
 def test_copies_do_not_depend_on_earlier_questions(large):

@@ -35,6 +35,9 @@ _COARSEST = 0.016
 _FIELD = 1e-3
 """Deviation of the copy for a coarse field over the diagonal: a quarter of the resolution of the field."""
 
+_WALLS = 1e-4
+"""Deviation of the copy for the thickness of walls over the diagonal: the thickness only bounds the uncertainty."""
+
 _FINEST = 24
 """Number of finer copies, each with half of the deviation of the last: the finest has 4 um for a part of 1 m."""
 
@@ -86,7 +89,17 @@ def copy_of(part: Part, resolution: Resolution) -> Part:
 
 def copy_for_field(part: Part) -> Part:
     """Return the coarsest copy of a part for its coarse field, whose distances are quantized."""
-    return copy_of(part, Resolution(_FIELD * part.diagonal / SHARE)) if len(part.triangles) > LARGE else part
+    return _within(part, _FIELD)
+
+
+def copy_for_walls(part: Part) -> Part:
+    """Return the coarsest copy of a part with which walls are as thick as in the part, within its deviation."""
+    return _within(part, _WALLS)
+
+
+def _within(part: Part, share: float) -> Part:
+    """Return the coarsest copy of a large part within a share of its diagonal; another part itself."""
+    return copy_of(part, Resolution(share * part.diagonal / SHARE)) if len(part.triangles) > LARGE else part
 
 
 def _copy(part: Part, level: int, halvings: int) -> Part:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.catalogue import cache
+from tanteo.catalogue.copies import copy_for_walls
 from tanteo.factors import ContactPoints
 from tanteo.features import SharedError
 from tanteo.geometry.limits import NOTABLE
@@ -230,7 +231,7 @@ def smallest_feature(prepared: PreparedPart) -> tuple[float, str]:
         if stored is None:
             sizes = [(part.diagonal, "its diagonal")]
             sizes += [(2 * float(one.radii.min()), f"the diameter of {one.name}") for one in round_features(part)]
-            sizes += [(thickness, "its thinnest wall") for thickness in _walls(prepare(part))]
+            sizes += [(thickness, "its thinnest wall") for thickness in _walls(prepare(copy_for_walls(part)))]
             size, what = min(size for size in sizes if size[0] > _FLAT * part.diagonal)
             cache.store_derived(part, _SMALLEST, np.float64(size).tobytes() + what.encode())
             part.derived["smallest"] = size, what
