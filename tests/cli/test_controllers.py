@@ -275,10 +275,20 @@ def test_a_frame_of_one_of_two_equal_parts(run, tmp_path):
     path.write_text("\n".join([rows[header], *(",".join(c) for c in cells + moved)]) + "\n")
     words = ("locate", path, "--part", BRACKET, "--sd", "0.1mm", "--as", "matrix")
     refused = run(*words)
-    assert refused.out == ""
+    assert (refused.code, refused.out) == (3, "")
     assert "expected --which from 1 to 2, because 2 equal parts were sensed" in refused.err
     second = run(*words, "--which", "2")
     assert "\n2. bracket_left at x 720.03" in second.err
     assert "0.72003" in second.out
     document = json.loads(run(*words, "--json").out)
     assert [round(one["pose"]["position_m"][0], 3) for one in document["equal_parts"]] == [0.42, 0.72]
+
+
+def test_a_pose_that_is_refused_is_no_success(run):
+    """A script that takes the lines of a recognized answer must not go on without them."""
+    got = run(*LOCATE, "--as", "matrix", "--which", "5")
+    assert (got.code, got.out) == (3, "")
+    assert "Nothing is written" in got.err
+    document = json.loads(run(*LOCATE, "--as", "matrix", "--which", "5", "--json").out)
+    assert document["status"] == "recognized"
+    assert document["as"]["text"] is None

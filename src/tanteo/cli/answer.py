@@ -76,7 +76,8 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     if options.report is not None:
         _report(options.report, result, given, options, known)
     failed = any(isinstance(one, AccuracyNeeded) and not one.reached for one in result.findings)
-    leave(decided=result.status == "recognized" and not failed)
+    refused = bool(words) and words.refused(result) is not None
+    leave(decided=result.status == "recognized" and not failed and not refused)
 
 
 class Reply(NamedTuple):

@@ -104,7 +104,8 @@ def probe(options: Options, machine: MachineOptions) -> None:
     if options.report is not None:
         facts = [("Machine", safe.facts.name), ("Reason for the end", done.end.message)]
         files.report_session(options.report, session, *facts, as_json=options.json)
-    leave(decided=done.end.reached and (machine.dry_run or answer.status == "recognized"))
+    refused = bool(words) and not machine.dry_run and words.refused(answer) is not None
+    leave(decided=done.end.reached and (machine.dry_run or answer.status == "recognized") and not refused)
 
 
 def _check_frame(words: controller.Words, options: Options, machine: MachineOptions) -> None:
