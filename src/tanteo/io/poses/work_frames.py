@@ -154,7 +154,7 @@ class _AboutZ:
         x, y, z: origin, as text [mm].
         a: rotation about z, as text [deg].
         off: displacement of the part's farthest corner by the omitted rotation [m].
-    lost: sentence on the omitted rotation; empty if it is negligible.
+        lost: sentence on the omitted rotation; empty if it is negligible.
     """
 
     x: str
