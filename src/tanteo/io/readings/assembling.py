@@ -11,6 +11,7 @@ from tanteo.errors import ReadingsError, UnitError
 from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.io.poses.transforms import Track
 from tanteo.io.readings.centres import find_centres, set_axis_sds
+from tanteo.io.readings.profiles import place_profiles, spread
 from tanteo.io.readings.range_codes import mark_outside, mark_reach
 from tanteo.sensors import Readings, check_features, reading_kind
 
@@ -39,6 +40,7 @@ def assemble(
     *,
     outward: Vectors | None = None,
     step: float = 0.0,
+    profiled: bool = False,
 ) -> Readings:
     """Return readings built from file columns and the user's stated options.
 
@@ -50,6 +52,7 @@ def assemble(
         notes: notes collected so far.
         outward: outward normal vectors I, J, K of the file ``(n, 3)``; None if absent.
         step: step to which the file rounds coordinates [m]; 0 if unknown.
+        profiled: whether the points are in the frame of a line scanner, which the rig and the hand's pose place.
 
     Returns:
         Checked readings, with the notes extended.
@@ -65,6 +68,7 @@ def assemble(
         outward, n = (None if outward is None else outward[kept]), len(kept)
     n = _place_in_time(columns, n, stated, source, notes)
     _place(columns, stated, source, notes)
+    n = _place_profiles(columns, n, stated, notes) if profiled else n
     _give_radius(columns, n, stated, source)
     centres, outward = find_centres(columns, n, outward, source, notes)
     _give_directions(columns, n, outward, stated, source, notes)
@@ -123,6 +127,24 @@ def _place_in_time(columns: dict[str, Any], n: int, stated: Stated, source: str,
         for name, values in columns.items():
             columns[name] = rows_of(values, np.flatnonzero(known).tolist())
     return int(known.sum())
+
+
+def _place_profiles(columns: dict[str, Any], n: int, stated: Stated, notes: list[str]) -> int:
+    """Set points of profiles in the world with the optical axis as direction, and return the number of those kept."""
+    points, axes, note = place_profiles(columns["points"], columns["Ts_world_hand"], stated)
+    notes.append(note)
+    columns["points"], columns["directions"] = points, axes
+    sds = [] if stated.rig is None else [sensor.sd for sensor in stated.rig.sensors]
+    if columns.get("sds") is None and np.isfinite(sds).any():
+        columns["sds"] = np.full(n, sds[0])
+    if stated.max_points is None or n <= stated.max_points:
+        return n
+    kept = spread(points, stated.max_points)
+    notes.append(f"{len(kept)} of {n} points of profiles are used, spread evenly. --max-points sets their number.")
+    columns["ids"] = columns["ids"] or [str(k + 1) for k in range(n)]
+    for name, values in columns.items():
+        columns[name] = rows_of(values, kept)
+    return len(kept)
 
 
 def rows_of(values: Any, kept: list[int]) -> Any:

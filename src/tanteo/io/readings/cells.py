@@ -21,6 +21,7 @@ from tanteo.io.readings.assembling import LARGEST
 from tanteo.io.readings.columns import ANGLES, DIRECTION, NORMAL, OUTWARD, POINT, QUATERNION, Column, groups
 from tanteo.io.readings.frames import Frames
 from tanteo.io.readings.hand_columns import ABB, notation_of
+from tanteo.io.readings.profiles import Profiles
 from tanteo.io.readings.range_rows import RangeRows
 
 _LARGEST_TIP = 1.0
@@ -60,7 +61,7 @@ class Sheet:
     columns: tuple[Column, ...]
     text: TableText
     above: int
-    frames: Frames | RangeRows | None = None
+    frames: Frames | RangeRows | Profiles | None = None
 
     @cached_property
     def by_base(self) -> Mapping[str, Column]:
@@ -73,7 +74,7 @@ class Sheet:
         Args:
             row: index of the row below the header.
         """
-        row = row if self.frames is None else row // len(self.frames.zones)
+        row = row if self.frames is None else row // len(self.frames.zones)  # for profiles: not before this row
         with self.text.open(self.path) as text:
             lines = Lines(text, self.text.titles)
             rows = csv.reader(lines, strict=True, delimiter=self.text.delimiter)

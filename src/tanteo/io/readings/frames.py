@@ -116,7 +116,7 @@ def find_frames(header: Sequence[str], place: str, stated: Stated) -> Frames | R
     if {"range", "sensor"} & set(bases):
         return None
     singles = 0 if stated.rig is None else sum(not sensor.unit for sensor in stated.rig.sensors)
-    groups = _groups(header, singles if 1 < singles < _LEAST else _LEAST)
+    groups = numbered_columns(header, singles if 1 < singles < _LEAST else _LEAST)
     own = _of_sensors(names, stated.rig)
     ranks = {stem: rank for stem in groups if (rank := _stem_rank(stem, stated.rig)) is not None}
     likely = {stem: groups[stem] for stem in ranks}
@@ -168,8 +168,13 @@ def _numbered(cell: str) -> tuple[str, tuple[int, int]] | None:
     return stem, pair[::-1] if turned else pair
 
 
-def _groups(header: Sequence[str], least: int) -> dict[str, tuple[int, ...]]:
-    """Return the columns of complete runs of numbers from 0 or 1 by the words beside the numbers."""
+def numbered_columns(header: Sequence[str], least: int = _LEAST) -> dict[str, tuple[int, ...]]:
+    """Return the columns of complete runs of numbers from 0 or 1 by the words beside the numbers.
+
+    Args:
+        header: cells of the header.
+        least: smallest number of columns of a run.
+    """
     found: dict[str, dict[tuple[int, int], int]] = {}
     for k, cell in enumerate(header):
         if (own := _numbered(cell)) is not None:

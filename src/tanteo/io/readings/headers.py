@@ -58,7 +58,7 @@ _NAMES = (
     "点名",
     "点号",
 )
-_GROUPS_OF_READINGS = (
+GROUPS_OF_READINGS = (
     "line", "scan_line", "line_no", "line_number", "profile", "scan", "pass", "collection",
     "speed", "feed", "feedrate", "feed_rate",
 )  # fmt: skip
@@ -217,7 +217,7 @@ def with_group(names: list[str]) -> list[str]:
     Args:
         names: canonical column names.
     """
-    first = next((name for name in _GROUPS_OF_READINGS if name in names), None)
+    first = next((name for name in GROUPS_OF_READINGS if name in names), None)
     if "group" in names or first is None:
         return names
     return ["group" if name == first else name for name in names]

@@ -23,6 +23,7 @@ from tanteo.io.readings.columns import DIRECTION, HAND, NORMAL, POINT, read_head
 from tanteo.io.readings.frames import find_frames
 from tanteo.io.readings.headers import canonical, units_row, with_height
 from tanteo.io.readings.list_cells import find_lists
+from tanteo.io.readings.profiles import find_profiles
 from tanteo.io.readings.range_rows import range_header
 from tanteo.io.readings.stated import Stated
 from tanteo.io.readings.table import Table
@@ -124,7 +125,7 @@ def _read_rows(
             rest = analog.rows(rest)
             header[analog.index] = "range_mm"
         header = range_header(header, stated)
-        frames = find_frames(header, place, stated) if below is None else None
+        frames = find_profiles(header, place, stated) or find_frames(header, place, stated) if below is None else None
         if frames is not None:
             rest, header = frames.rows(rest, len(header)), list(frames.header)
         columns = read_header(

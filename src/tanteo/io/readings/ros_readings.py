@@ -31,13 +31,14 @@ from tanteo.io.logs.formats import RECORDING
 from tanteo.io.logs.log import Log, LogFormat
 from tanteo.io.poses.transforms import FrameTree, Track
 from tanteo.io.readings.log_readings import readings_of
+from tanteo.io.readings.profiles import spread
 from tanteo.io.readings.stated import Stated
 from tanteo.sensors import Readings
 
 BAG = RECORDING
 """Name of the format of ROS recordings."""
-_MOST_SCANNED, _HALVINGS = 200_000, 24
-"""Largest number of beams of scans that are placed, and halvings of the search for the size of a grid's cells."""
+_MOST_SCANNED = 200_000
+"""Largest number of beams of scans that are placed."""
 _FORM = LogFormat(BAG, "a recording of ROS", lambda contents: False, lambda contents: Log())
 
 
@@ -82,7 +83,7 @@ def readings_at(
     notes += [*_message_notes(messages, options), *places[0].notes]
     kept = _kept(np.logical_and.reduce([place.known for place in places]), places[0], source, notes)
     if scanned and stated.max_points is not None and len(kept) > stated.max_points:
-        chosen = _spread(_sensed([rows[k] for k in kept], places[0].Ts[kept], beams), stated.max_points)
+        chosen = spread(_sensed([rows[k] for k in kept], places[0].Ts[kept], beams), stated.max_points)
         notes.append(
             f"{len(chosen)} of {len(kept)} readings of scans are used, spread evenly over what was sensed. "
             "--max-points sets their number."
@@ -104,25 +105,6 @@ def _sensed(rows: Sequence[Row], Ts: Transforms, beams: bool) -> FloatArray:
     values = np.array([row.values for row in rows])
     local = np.nan_to_num(values[:, :1], posinf=0.0) * values[:, 4:7] if beams else values
     return np.einsum("nij,nj->ni", Ts[:, :3, :3], local) + Ts[:, :3, 3]
-
-
-def _spread(points: FloatArray, most: int) -> list[int]:
-    """Return the indices of at most ``most`` points, one in each occupied cell of the finest grid with so few cells.
-
-    Dense lines and slow parts of a motion then count no more than others: the information about a pose is in where and
-    on which faces the points are, and neighbours on a line share their errors.
-    """
-    span = float(np.ptp(points, axis=0).max())
-    low, high, best = 0.0, max(span, 1e-9), np.zeros(1, dtype=np.int64)
-    for _ in range(_HALVINGS):
-        size = 0.5 * (low + high)
-        cells = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
-        _, first = np.unique(cells, axis=0, return_index=True)
-        if len(first) > most:
-            low = size
-        else:
-            high, best = size, first
-    return sorted(best.tolist())
 
 
 def _drawn(rows: list[Row], most: int | None, notes: list[str]) -> list[Row]:

@@ -17,6 +17,7 @@ from tanteo.io.readings.assembling import TIME, assemble, rows_of, step_of
 from tanteo.io.readings.cells import Numbers, Sheet
 from tanteo.io.readings.columns import DIRECTION, NORMAL, OUTWARD, POINT, Column
 from tanteo.io.readings.hand_columns import PLACE, hand_poses, skewed_row, stated_brand
+from tanteo.io.readings.profiles import Profiles
 from tanteo.io.readings.range_codes import decode, is_code, note_on_codes, refuse_strange
 from tanteo.io.readings.stated import Stated
 from tanteo.sensors import Readings
@@ -280,7 +281,10 @@ class Table:
             if stated_invalid:
                 notes.append(f"Excluded: {counted(stated_invalid, 'row')} of status invalid.")
             n = len(kept)
-        return assemble(columns, n, self.stated, str(self.sheet.path), notes, outward=outward, step=self._step(numbers))
+        return assemble(
+            columns, n, self.stated, str(self.sheet.path), notes, outward=outward, step=self._step(numbers),
+            profiled=isinstance(self.sheet.frames, Profiles),
+        )  # fmt: skip
 
     def _step(self, numbers: dict[str, FloatArray]) -> float:
         """Return the step to which coordinates are rounded [m]; 0 if unknown."""
