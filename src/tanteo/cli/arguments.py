@@ -77,6 +77,21 @@ FormSd = Annotated[
     Words(typed.form_sd, str, "0mm"),
 ]
 Robot = Annotated[str | None, _errors("--robot", "PRESET", ROBOT_HELP, autocompletion=typed.robot_names), ROBOT]
+ArmPath = Annotated[
+    str | None,
+    _errors(
+        "--arm", "FILE", "Joints of the robot: robot.urdf#HAND or #BASE/HAND, or a Denavit-Hartenberg table (CSV)."
+    ),
+]
+JointAngles = Annotated[
+    str | None,
+    _errors("--joints", "ANGLES", "Joint angles near one reading, as 0,-90,90,-90,-90,0deg, or a file with j1_deg .."),
+]
+JointSd = Annotated[
+    float,
+    _errors("--joint-sd", "ANGLE", "Standard deviation of the zero of each joint of --arm."),
+    Words(partial(typed.angle_sd, "--joint-sd"), str, "0.1deg"),
+]
 TipSd = Annotated[
     tuple[float, ...] | None,
     _errors(

@@ -13,14 +13,19 @@ from tanteo.cli.printing import complain, emit, layout, leave, put, warned
 from tanteo.cli.readings import FileOptions
 from tanteo.errors import InputError
 
+_JOINT_SD = math.radians(0.1)
+"""Default standard deviation of a joint's zero: that of an arm without calibration [rad]."""
 _WIDE = 0.02, math.radians(10.0)
 """Standard deviations of the nearly uninformative prior around the estimated pose of the part [m, rad]."""
 
 
-def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Options, file: FileOptions) -> None:
+def check_cell(
+    readings: args.ReadingsPath, part: args.PartPath, options: Options, file: FileOptions, *,
+    arm: args.ArmPath = None, joints: args.JointAngles = None, joint_sd: args.JointSd = _JOINT_SD,
+) -> None:  # fmt: skip
     """Test the stated errors of a cell with readings of a known part.
 
-    Tests the errors of tip, mounting, base and bias, and proposes the next reading.
+    Tests the errors of tip, mounting, base, bias and joint zeros, and proposes the next reading.
     """
     import numpy as np
 
@@ -29,9 +34,10 @@ def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Option
     from tanteo.recognition import identify
 
     given = read_given(readings, [part], options, file)
+    shared = (*options.shared_errors, *_joint_zeros(given.readings, arm, joints, joint_sd))
     how: dict[str, Any] = {
         "sensor": options.sensor, "robot": options.robot, "sd": options.sd, "tip_sd": options.tip_sd,
-        "shared_errors": options.shared_errors, "rig": given.rig, "tolerance": options.form_sd,
+        "shared_errors": shared, "rig": given.rig, "tolerance": options.form_sd,
     }  # fmt: skip
     sensing = Sensing(**how)
     target = posterior.prepare(given.parts[0])
@@ -51,6 +57,19 @@ def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Option
     else:
         emit(render.text.cell_lines(check, layout=layout()))
     leave(decided=not any(error.contradicted for error in check.errors))
+
+
+def _joint_zeros(readings: Any, arm: str | None, joints: str | None, sd: float) -> tuple[Any, ...]:
+    """Return the zero errors of the joints of the stated arm; none without an arm."""
+    from tanteo.io.documents.arm_file import read_arm, read_joints
+    from tanteo.sensors.joints import joint_zeros
+
+    if arm is None and joints is None:
+        return ()
+    if arm is None or joints is None:
+        given, missing = ("--joints", "--arm") if arm is None else ("--arm", "--joints")
+        raise InputError(f"{missing}: expected it with {given}, got none. The axes follow from arm and joint angles.")
+    return joint_zeros(read_arm(arm), read_joints(joints), sd, readings.Ts_world_hand.values)
 
 
 def _document(check: Any) -> dict[str, Any]:

@@ -179,6 +179,22 @@ def tool_body(text: str) -> FloatArray:
     return np.asarray(lengths)
 
 
+def angle_sd(name: str, text: str) -> float:
+    """Return a standard deviation of an angle [rad].
+
+    Args:
+        name: name of the option.
+        text: value as typed.
+
+    Raises:
+        InputError: the angle is not above 0 and up to 30 degrees.
+    """
+    value = io.readings.parse_angle(text, name)
+    if not 0 < value <= math.pi / 6:
+        raise InputError(f"{name}: expected an angle above 0 and up to 30 deg, got '{text}'. Write it as 0.1deg.")
+    return value
+
+
 def tilt(text: str) -> float:
     """Return the largest tilt of a tool [rad].
 

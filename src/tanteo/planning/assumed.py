@@ -69,6 +69,7 @@ def _sensed(points: Vectors, directions: Vectors, noise: float) -> Sensed:
     return Sensed(
         points, Column.from_rows(directions), np.ones(n, dtype=np.bool_), Column.from_rows(directions), ("",) * n,
         ("",) * n, Column.empty(n, (4, 4)), np.zeros(n, dtype=np.int64), np.full(n, noise), np.ones(n, dtype=np.bool_),
+        Column.empty(n, (4, 4)),
     )  # fmt: skip
 
 

@@ -45,6 +45,7 @@ class Sensed:
         units: index of the device of each reading ``(n,)``.
         sds: standard deviation along the beam or normal ``(n,)`` [m].
         on_surface: mask of the readings that are points of one face ``(n,)``.
+        Ts_world_hand: poses of the hand ``(n, 4, 4)`` [m].
     """
 
     points: Vectors
@@ -57,6 +58,7 @@ class Sensed:
     units: IntArray
     sds: FloatArray
     on_surface: BoolArray
+    Ts_world_hand: Column
 
     def aimed(self) -> Vectors:
         """Return the directions of the readings that sensed a surface; zero for others ``(n, 3)``."""

@@ -102,6 +102,7 @@ def measure(
     sensed = Sensed(
         points, aims, hit, placed.directions, readings.groups, readings.features, placed.T_world_units, units, sds,
         np.array([k == "point" or reading_kind(k).is_of_one_face for k in readings.kinds], dtype=np.bool_),
+        readings.Ts_world_hand,
     )  # fmt: skip
     noise = float(np.sqrt(np.median(np.trace(covs[hit], axis1=1, axis2=2)) / 3)) if hit.any() else 0.0
     unstated = unstated_errors(sensed, noise, errors, machine=robot is not None)

@@ -161,8 +161,41 @@ def _expanded(file: Path) -> str:
         raise InputError(f"{file}: expected a xacro file, got: {str(error)[:200]}. Correct it.") from None
 
 
-def _of_urdf(file: Path, text: str, hand: str, link: str) -> tuple[Transforms, str, str]:
-    """Return the pose of a link in the hand, and the names of both, from the fixed joints of a URDF."""
+@dataclass(frozen=True, slots=True, eq=False)
+class UrdfJoint:
+    """Joint of a URDF.
+
+    Attributes:
+        name: name of the joint.
+        parent: link before it.
+        kind: type, such as ``fixed`` or ``revolute``.
+        T: pose of the joint in the frame of its parent ``(4, 4)`` [m].
+        axis: axis of the motion in the frame of the joint ``(3,)``.
+    """
+
+    name: str
+    parent: str
+    kind: str
+    T: Transforms
+    axis: np.ndarray
+
+
+def read_urdf(file: Path) -> dict[str, UrdfJoint]:
+    """Return the joint above each link of a URDF or xacro file, by the name of the link.
+
+    Args:
+        file: file to read.
+
+    Raises:
+        InputError: the file cannot be read or is no URDF.
+        MissingExtraError: the package xacro is not installed.
+    """
+    text = _text(file)
+    return _joints(file, _expanded(file) if file.suffix.lower() == ".xacro" else text)[0]
+
+
+def _joints(file: Path, text: str) -> tuple[dict[str, UrdfJoint], list[str]]:
+    """Return the joint above each link, and the names of all links."""
     from lxml import etree
 
     try:
@@ -171,13 +204,26 @@ def _of_urdf(file: Path, text: str, hand: str, link: str) -> tuple[Transforms, s
         raise InputError(f"{file}: expected URDF (XML), got: {str(error)[:200]}. Correct it.") from None
     if any("xacro" in str(one.tag) for one in root.iter()):
         raise InputError(f"{file}: expected URDF, got xacro. Name it .xacro, or expand it: xacro {file.name}.")
-    parents: dict[str, tuple[str, str, Transforms]] = {}
+    joints: dict[str, UrdfJoint] = {}
     for joint in root.findall("joint"):
-        parent, child = joint.find("parent"), joint.find("child")
+        parent, child, axis = joint.find("parent"), joint.find("child"), joint.find("axis")
         if parent is None or child is None:
             continue
-        parents[child.get("link", "")] = parent.get("link", ""), joint.get("type", ""), _origin(file, joint)
-    links = [one.get("name", "") for one in root.findall("link")]
+        numbers = [float(w) for w in re.findall(_NUMBER, "1 0 0" if axis is None else axis.get("xyz", "1 0 0"))]
+        length = float(np.linalg.norm(numbers))
+        if len(numbers) != 3 or not length > 0:
+            raise InputError(f"{file}, joint '{joint.get('name')}': expected an axis of three numbers, got {numbers}.")
+        joints[child.get("link", "")] = UrdfJoint(
+            joint.get("name", ""), parent.get("link", ""), joint.get("type", ""), _origin(file, joint),
+            np.array(numbers) / length,
+        )  # fmt: skip
+    return joints, [one.get("name", "") for one in root.findall("link")]
+
+
+def _of_urdf(file: Path, text: str, hand: str, link: str) -> tuple[Transforms, str, str]:
+    """Return the pose of a link in the hand, and the names of both, from the fixed joints of a URDF."""
+    joints, links = _joints(file, text)
+    parents = {child: (joint.parent, joint.kind, joint.T) for child, joint in joints.items()}
     leaves = [one for one in links if one in parents and one not in {p for p, _, _ in parents.values()}]
     fixed = [one for one in leaves if parents[one][1] in _FIXED]
     if not link and len(fixed) != 1:

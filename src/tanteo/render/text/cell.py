@@ -48,6 +48,8 @@ def _meaning(error: CellError) -> str:
 
 def _values(values: np.ndarray, error: CellError) -> str:
     """Return values in mm; the last three of six are angles, and a scale has no unit."""
+    if error.meaning.endswith("[rad]"):
+        return " ".join(f"{np.degrees(v):.4f}" for v in values) + " deg"
     if error.name.startswith("scale"):
         return " ".join(f"{v:.4g}" for v in values)
     angles = values[3:] if len(values) == 6 else values[:0]
