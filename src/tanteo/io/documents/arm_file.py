@@ -53,11 +53,11 @@ def _of_urdf(file: Path, fragment: str) -> JointChain:
     names, before, turns, T = list[str](), list[Transforms](), list[bool](), np.eye(4)
     for joint in reversed(chain):
         T = T @ joint.T
-        if joint.kind in (*_TURNING, _SLIDING):
+        if joint.motion in (*_TURNING, _SLIDING):
             aimed = SE3.from_parts(SO3.frame_from_axis(joint.axis, 2), np.zeros(3))
             names.append(joint.name)
             before.append(T @ aimed)
-            turns.append(joint.kind in _TURNING)
+            turns.append(joint.motion in _TURNING)
             T = SE3.inverse(aimed)
     if not names:
         raise InputError(f"{file}: expected joints that move above '{hand}', got none. Name the hand's link.")

@@ -168,14 +168,14 @@ class UrdfJoint:
     Attributes:
         name: name of the joint.
         parent: link before it.
-        kind: type, such as ``fixed`` or ``revolute``.
+        motion: type, such as ``fixed`` or ``revolute``.
         T: pose of the joint in the frame of its parent ``(4, 4)`` [m].
         axis: axis of the motion in the frame of the joint ``(3,)``.
     """
 
     name: str
     parent: str
-    kind: str
+    motion: str
     T: Transforms
     axis: np.ndarray
 
@@ -223,7 +223,7 @@ def _joints(file: Path, text: str) -> tuple[dict[str, UrdfJoint], list[str]]:
 def _of_urdf(file: Path, text: str, hand: str, link: str) -> tuple[Transforms, str, str]:
     """Return the pose of a link in the hand, and the names of both, from the fixed joints of a URDF."""
     joints, links = _joints(file, text)
-    parents = {child: (joint.parent, joint.kind, joint.T) for child, joint in joints.items()}
+    parents = {child: (joint.parent, joint.motion, joint.T) for child, joint in joints.items()}
     leaves = [one for one in links if one in parents and one not in {p for p, _, _ in parents.values()}]
     fixed = [one for one in leaves if parents[one][1] in _FIXED]
     if not link and len(fixed) != 1:
