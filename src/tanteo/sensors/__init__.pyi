@@ -2,6 +2,7 @@ from . import anomalies as anomalies
 from . import calibration as calibration
 from . import emission as emission
 from . import error_states as error_states
+from . import joints as joints
 from . import kinds as kinds
 from . import noise as noise
 from . import presets as presets

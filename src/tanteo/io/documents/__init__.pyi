@@ -1,3 +1,4 @@
+from . import arm_file as arm_file
 from .part_files import part_file as part_file
 from .part_files import parts_of as parts_of
 from .record_tables import SessionRecord as SessionRecord
