@@ -5,12 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import tanteo
 from bare_scenes import box_centred_pose, surface_points
+from tanteo.factors import FreeRays, as_contact_points
 from tanteo.geometry import SE3
-from tanteo.posterior import prepare
-from tanteo.posterior.sampling.peaks import log_missed
+from tanteo.posterior import Priors, Problem, prepare
+from tanteo.posterior.part_search import start_search
+from tanteo.posterior.sampling.peaks import Peaks, log_missed
+from tanteo.sensors import measure
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "parts"
 SD = 1e-4
@@ -43,3 +47,17 @@ def test_seeds_agree_where_touches_are_few():
         answers = [tanteo.identify(readings, parts, seed=search) for search in range(2)]
         assert np.ptp([dict(answer.parts)[name] for answer in answers]) < 0.05
         assert max(answer.missed_probability for answer in answers) < 0.2
+
+
+@pytest.mark.parametrize(("maxima", "ridge"), [(1, False), (3, False), (40, True)])
+def test_several_equal_maxima_are_no_ridge(maxima, ridge):
+    """Eight rounds that found three equal maxima will lead to them again; forty maxima are pieces of a ridge."""
+    part = prepare(tanteo.read_part(EXAMPLES / "block.step"))
+    points = as_contact_points(measure(tanteo.Readings.from_columns(np.eye(3), sds=np.full(3, 1e-4))))
+    search = start_search(Problem(points, FreeRays.none(), Priors(radius=0.2)), part, np.random.default_rng(0))
+    states = search.objective.problem.states
+    zeros, information = np.zeros((maxima, states)), np.zeros((maxima, 6 + states, 6 + states))
+    flat = np.zeros(maxima)
+    Ts, groups = np.tile(np.eye(4), (maxima, 1, 1)), np.ones(maxima, dtype=np.int64)
+    search.peaks, search.restarts = Peaks(Ts, zeros, flat, information, flat, groups), 8
+    assert bool(search.is_ridge()) == ridge

@@ -10,6 +10,7 @@ import tanteo
 from tanteo.factors import FreeRays, as_contact_points
 from tanteo.posterior import Problem, prepare
 from tanteo.posterior.details import details_at
+from tanteo.posterior.near_variants import log_density_of_design
 from tanteo.posterior.part_search import start_search
 from tanteo.sensors import measure
 
@@ -62,3 +63,30 @@ def test_places_of_a_scan_are_worth_fifty_on_touched_faces():
     """One point of a scan at a border then does not outweigh the fit of all others."""
     found, fraction = touches_of_the_top(900, 200)
     np.testing.assert_allclose(np.exp(found.design_scales[-1, 0]), (1 / fraction) ** (50 / 200), rtol=1e-6)
+
+
+def box(low, high):
+    """Return the part and the touches of its lowest and highest face, evaluated at the true pose."""
+    corners = np.array([[x, y, z] for x in (0, 0.09) for y in (0, 0.07) for z in (low, high)])
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [(f[0], f[i], f[i + 1]) for f in faces for i in (1, 2)]
+    part = prepare(tanteo.part_from_mesh(corners, triangles, unit="m", name="box"))
+    rng = np.random.default_rng(1)
+    points = np.c_[rng.uniform([0.01, 0.01], [0.08, 0.06], (12, 2)), np.where(np.arange(12) < 8, 0.02, -0.005)]
+    readings = tanteo.Readings.from_columns(points, sds=np.full(12, 1e-4))
+    problem = Problem(as_contact_points(measure(readings)), FreeRays.none(), tanteo.Priors(radius=0.2))
+    objective = start_search(problem, part, np.random.default_rng(0)).objective
+    return part.part, details_at(objective, np.eye(4)[None], np.zeros((1, problem.states)))
+
+
+def test_a_displaced_face_is_one_of_the_touched_faces():
+    """A box with a displaced bottom has the density of the taller box, with the priors of the face and its offset."""
+    mean = tanteo.Priors(radius=0.2).outlier_rate
+    (part, at), (taller, there) = box(0.0, 0.02), box(-0.005, 0.02)
+    variant = log_density_of_design(at.of_design(-1 + len(at.log_designs)), part, mean)[0] + at.log_designs[-1, 0]
+    real = there.of_design(-1 + len(there.log_designs))
+    on, off = np.log1p(-mean) + real.log_hit[0], np.log(mean) + real.log_outlier[0]
+    expected = np.logaddexp(on, off).sum() + there.log_designs[-1, 0] + 2 * np.log(taller.area / part.area)
+    spread, known = (0.1 * part.diagonal) ** 2, 4 / 1e-4**2
+    expected += np.log(0.5 / 6) - 0.5 * 0.005**2 / spread - 0.5 * np.log1p(spread * known)
+    assert np.isclose(variant, expected, atol=0.05)

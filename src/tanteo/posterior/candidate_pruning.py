@@ -486,20 +486,25 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
         budget = max(own.rounds // 2 * count, 3 * own.rounds)
         if may_be_missed and count <= best.objective.problem.settings.pruning.unfixed:
             budget = max(budget, own.rounds * count)
-        left = [
+        enough = float(np.log(own.missing))
+        decisive = [
             s
             for s in live
-            if (
-                s.restarts
-                < (3 if s is best and s.has_one_maximum() and s.log_evidence > log_unknown else 1) * own.rounds
-                and (
-                    s.log_missed() > (s.log_evidence if may_be_missed else total) + np.log(own.missing)
-                    or (may_be_missed and not len(s.peaks))
-                )
-            )
-            or (s is best and s.restarts < 1.5 * own.rounds and (s.is_doubtful() or s.is_noisy()))
+            if s.log_missed() > total + enough
+            and s.restarts < (1 if s.is_ridge() or s.log_evidence < log_unknown else 3) * own.rounds
         ]
-        left = sorted(left, key=lambda s: -s.log_missed())[: max(budget - sum(s.restarts for s in live), 0)]
+        decisive += [best] * (
+            best not in decisive and best.restarts < 1.5 * own.rounds and (best.is_doubtful() or best.is_noisy())
+        )
+        others = [
+            s
+            for s in live
+            if may_be_missed and s not in decisive and s.restarts < own.rounds
+            and (s.log_missed() > s.log_evidence + enough or not len(s.peaks))
+        ]  # fmt: skip
+        spent = sum(min(s.restarts, own.rounds) for s in live) + len(decisive)
+        others = sorted(others, key=lambda s: -s.log_missed())[: max(budget - spent, 0)]
+        left = decisive + others
         for search in left:
             search.restart(leader=_leader(searches))
         if not left:

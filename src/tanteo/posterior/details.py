@@ -36,6 +36,8 @@ class Details:
         design_groups: ``log_groups`` for each design ``(D, S, G)``.
         log_designs: log of the prior weight of each design ``(D, S)``.
         designs: probability of each design ``(D, S)``.
+        over_touched: ``design_scales`` of places that are even over the touched faces ``(S, n)``, if the densities are
+            those of this design; None for others.
     """
 
     log_hit: FloatArray
@@ -57,6 +59,7 @@ class Details:
     design_groups: FloatArray
     log_designs: FloatArray
     designs: FloatArray
+    over_touched: FloatArray | None = None
 
     def of_design(self, k: int) -> Details:
         """Return the densities if the places have one of the designs.
@@ -65,7 +68,8 @@ class Details:
             k: number of the design.
         """
         hit, there = self.log_hit + self.design_scales[k], self.log_there + self.design_scales[k]
-        return replace(self, log_hit=hit, log_there=there, log_groups=self.design_groups[k])
+        touched = self.design_scales[k] if 0 < k == len(self.design_scales) - 1 else None
+        return replace(self, log_hit=hit, log_there=there, log_groups=self.design_groups[k], over_touched=touched)
 
     @property
     def uneven(self) -> FloatArray:

@@ -155,8 +155,10 @@ def _about(
     at: Details, part: Part, mean: float, off: BoolArray, pose: IntArray, reading: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return displacement, number of agreeing readings and log odds ``(P,)`` of a face through a reading."""
-    on, outlier = (of[pose] for of in _at_rate(at, mean))
-    there, d, weight = np.log1p(-mean) + at.log_there[pose], at.distances[pose], at.per_sd[pose] ** 2
+    nominal, outlier = (of[pose] for of in _at_rate(at, mean))
+    scale, log_weight = _with_face(at, part, pose, reading)
+    on = nominal + scale
+    there, d, weight = np.log1p(-mean) + at.log_there[pose] + scale, at.distances[pose], at.per_sd[pose] ** 2
     same = at.faces[pose] == at.faces[pose, reading][:, None]
 
     def on_it(offset: FloatArray) -> FloatArray:
@@ -167,9 +169,43 @@ def _about(
     known = np.sum(weight * agree, axis=1)
     offset = np.sum(weight * d * agree, axis=1) / (known + 1 / spread)
     hit = on_it(offset)
-    odds = np.sum(np.where(same, np.logaddexp(hit, outlier) - np.logaddexp(on, outlier), 0.0), axis=1)
+    displaced = np.logaddexp(np.where(same, hit, on), outlier) - np.logaddexp(nominal, outlier)
+    odds = log_weight + np.sum(displaced, axis=1)
     odds += -0.5 * offset**2 / spread - 0.5 * np.log1p(spread * known)
     return offset, np.sum(same & off[pose] & (hit > outlier), axis=1).astype(np.float64), np.asarray(odds)
+
+
+def _with_face(at: Details, part: Part, pose: IntArray, reading: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return the change of the densities if the face of a reading is touched, too, with places even over touched faces.
+
+    The displaced face is then one of the faces over which the places are even, so that each place has a lower density.
+    Without this change a displaced face would be touched at no cost, and would explain any other plane of touches.
+
+    Args:
+        at: the readings at the poses, with the densities of one design.
+        part: the part.
+        pose: index of the pose ``(P,)``.
+        reading: index of the reading whose face is touched ``(P,)``.
+
+    Returns:
+        Change of the log density of each reading ``(P, n)``, and of the log weight of the design ``(P,)``.
+    """
+    zero = np.zeros((len(pose), at.faces.shape[1])), np.zeros(len(pose))
+    if at.over_touched is None or not len(pose):
+        return zero
+    areas = np.array([face.area for face in part.faces])
+    areas = areas / areas.sum()
+    log_scale = at.over_touched[pose, reading]  # zero for readings whose places have no density, and if all is touched
+    alike = at.over_touched[pose] == log_scale[:, None]
+    touched = np.zeros((len(pose), len(areas)), dtype=np.bool_)
+    rows, columns = np.nonzero(alike & (at.inlier_probability[pose] > 0.5) & (at.faces[pose] >= 0))
+    touched[rows, at.faces[pose][rows, columns]] = True
+    own, face = touched @ areas, at.faces[pose, reading]
+    new = (log_scale > 0) & ~touched[np.arange(len(pose)), face] & (own > 0) & (own < 1)
+    own = np.where(new, own, 0.5)
+    grown = np.log1p(areas[face] / own) / -np.log(own)
+    change = np.where(new[:, None] & alike, -(log_scale * grown)[:, None], 0.0)
+    return change, np.where(new, np.log(areas[face] * (touched.sum(axis=1) + 1) / 2), 0.0)
 
 
 def by_place(

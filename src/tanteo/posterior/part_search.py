@@ -62,10 +62,10 @@ class PartSearch:
         """Return the log-evidence of all maxima and their symmetric images, without constant factors of the prior."""
         return self._constant + float(log_sum(self.peaks.evidence)) if len(self.peaks) else -np.inf
 
-    def has_one_maximum(self) -> bool:
-        """Return whether one maximum has more evidence than all others together: the poses are no ridge."""
+    def is_ridge(self) -> bool:
+        """Return whether the effective number of maxima is larger than that of rounds: each round finds other ones."""
         evidence = self.peaks.evidence
-        return len(evidence) > 0 and float(evidence.max()) > float(log_sum(evidence)) - np.log(2)
+        return len(evidence) > 0 and 2 * log_sum(evidence) - log_sum(2 * evidence) > np.log(max(self.restarts, 1))
 
     def log_missed(self) -> float:
         """Return the log-evidence of the maxima that the search is expected to have missed."""
