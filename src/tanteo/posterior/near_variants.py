@@ -196,15 +196,15 @@ def _with_face(at: Details, part: Part, pose: IntArray, reading: IntArray) -> tu
     areas = np.array([face.area for face in part.faces])
     areas = areas / areas.sum()
     log_scale = at.over_touched[pose, reading]  # zero for readings whose places have no density, and if all is touched
-    alike = at.over_touched[pose] == log_scale[:, None]
+    similar = at.over_touched[pose] == log_scale[:, None]
     touched = np.zeros((len(pose), len(areas)), dtype=np.bool_)
-    rows, columns = np.nonzero(alike & (at.inlier_probability[pose] > 0.5) & (at.faces[pose] >= 0))
+    rows, columns = np.nonzero(similar & (at.inlier_probability[pose] > 0.5) & (at.faces[pose] >= 0))
     touched[rows, at.faces[pose][rows, columns]] = True
     own, face = touched @ areas, at.faces[pose, reading]
     new = (log_scale > 0) & ~touched[np.arange(len(pose)), face] & (own > 0) & (own < 1)
     own = np.where(new, own, 0.5)
     grown = np.log1p(areas[face] / own) / -np.log(own)
-    change = np.where(new[:, None] & alike, -(log_scale * grown)[:, None], 0.0)
+    change = np.where(new[:, None] & similar, -(log_scale * grown)[:, None], 0.0)
     return change, np.where(new, np.log(areas[face] * (touched.sum(axis=1) + 1) / 2), 0.0)
 
 
