@@ -483,7 +483,7 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
         total = float(log_sum([s.log_evidence for s in searches]))
         best = max(live, key=lambda s: s.log_evidence)
         may_be_missed = _may_be_missed(live[0].objective.problem, live)
-        budget = max(own.rounds // 2 * count, 3 * own.rounds)
+        budget = max(own.rounds // 2 * count, own.most_rounds)
         if may_be_missed and count <= best.objective.problem.settings.pruning.unfixed:
             budget = max(budget, own.rounds * count)
         enough = float(np.log(own.missing))
@@ -491,7 +491,7 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
             s
             for s in live
             if s.log_missed() > total + enough
-            and s.restarts < (1 if s.is_ridge() or s.log_evidence < log_unknown else 3) * own.rounds
+            and s.restarts < (own.rounds if s.is_ridge() or s.log_evidence < log_unknown else own.most_rounds)
         ]
         decisive += [best] * (
             best not in decisive and best.restarts < 1.5 * own.rounds and (best.is_doubtful() or best.is_noisy())

@@ -63,9 +63,9 @@ class PartSearch:
         return self._constant + float(log_sum(self.peaks.evidence)) if len(self.peaks) else -np.inf
 
     def is_ridge(self) -> bool:
-        """Return whether the effective number of maxima is larger than that of rounds: each round finds other ones."""
+        """Return whether the effective number of maxima exceeds the most rounds: further rounds find further maxima."""
         evidence = self.peaks.evidence
-        return len(evidence) > 0 and 2 * log_sum(evidence) - log_sum(2 * evidence) > np.log(max(self.restarts, 1))
+        return len(evidence) > 0 and 2 * log_sum(evidence) - log_sum(2 * evidence) > np.log(self.settings.most_rounds)
 
     def log_missed(self) -> float:
         """Return the log-evidence of the maxima that the search is expected to have missed."""

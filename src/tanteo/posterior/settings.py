@@ -130,6 +130,11 @@ class SearchSettings:
     thorough: int = 16
 
     @property
+    def most_rounds(self) -> int:
+        """Largest number of rounds, while the missed maxima matter to the answer."""
+        return 3 * self.rounds
+
+    @property
     def gate(self) -> float:
         """Largest deviation of an agreement [standard deviations]: 6e-5 of all normal errors are larger."""
         return 2 * self.notable_sds
