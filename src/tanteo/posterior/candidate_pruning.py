@@ -493,9 +493,9 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
             if s.log_missed() > total + enough
             and s.restarts < (own.rounds if s.is_ridge() or s.log_evidence < log_unknown else own.most_rounds)
         ]
-        decisive += [best] * (
-            best not in decisive and best.restarts < 1.5 * own.rounds and (best.is_doubtful() or best.is_noisy())
-        )
+        doubtful = best.restarts < 1.5 * own.rounds and (best.is_doubtful() or best.is_noisy())
+        if doubtful and best not in decisive:
+            decisive.append(best)
         others = [
             s
             for s in live

@@ -65,7 +65,8 @@ class PartSearch:
     def is_ridge(self) -> bool:
         """Return whether the effective number of maxima exceeds the most rounds: further rounds find further maxima."""
         evidence = self.peaks.evidence
-        return len(evidence) > 0 and 2 * log_sum(evidence) - log_sum(2 * evidence) > np.log(self.settings.most_rounds)
+        log_number = float(2 * log_sum(evidence) - log_sum(2 * evidence)) if len(evidence) else 0.0
+        return log_number > np.log(self.settings.most_rounds)
 
     def log_missed(self) -> float:
         """Return the log-evidence of the maxima that the search is expected to have missed."""
