@@ -101,7 +101,7 @@ def test_missing_extras_are_named_with_how_to_get_them(monkeypatch, capsys):
     code, out = run(capsys)
     assert code == 0
     assert re.search(r"vision +no +parts in images", out)
-    assert "pip install 'tanteo[step,plot,vision,viewer,machines,bags,urdf,ros,sim,arms,cluster]'" in out
+    assert "pip install -e '.[step,plot,vision,viewer,machines,bags,urdf,ros,sim,arms,cluster]'" in out
 
 
 def test_a_folder_that_cannot_be_written_is_named(monkeypatch, capsys):

@@ -109,3 +109,16 @@ def did_you_mean(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
     near = near or difflib.get_close_matches(name, names, n=1, cutoff=likeness)
     near = near or difflib.get_close_matches(name.lower(), names, n=1, cutoff=likeness)
     return f" Did you mean '{near[0]}'?" if near else ""
+
+
+def install_command(*extras: str) -> str:
+    """Return the command that installs some extras; tanteo is not on PyPI, so it runs in the folder of its source.
+
+    Args:
+        extras: names of the extras.
+
+    Example:
+        >>> install_command("step", "vision")
+        "python -m pip install -e '.[step,vision]' (in the folder of tanteo's source)"
+    """
+    return f"python -m pip install -e '.[{','.join(extras)}]' (in the folder of tanteo's source)"

@@ -19,7 +19,7 @@ def printed(capsys, *words):
 def test_without_ros_it_explains_the_installation(capsys):
     code, err = printed(capsys, "--sd", "0.3mm")
     assert code == 1
-    assert "pip install 'tanteo[ros]'" in err
+    assert "pip install -e '.[ros]'" in err
     assert "setup.bash" in err
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from tanteo.cli.installation import Examination, install_command
+from tanteo.cli.installation import Examination
+from tanteo.errors import install_command
 from tanteo.render.text import PLAIN, Layout, printable
 
 
@@ -28,7 +29,7 @@ def examination_lines(found: Examination, version: str, *, layout: Layout = PLAI
         lines += [*layout.table(["plug-ins", "name", "distribution", "works"], rows, left=(0, 1, 2, 3)), ""]
         lines += [printable(p.problem) for p in found.plugins if p.problem]
     if absent:
-        lines.append(f"To install the missing extras: {install_command(absent)}")
+        lines.append(f"To install the missing extras: {install_command(*absent)}")
     folder, writable = found.cache
     lines.append(f"Parts are cached in {printable(folder)}." if writable else _no_cache(folder))
     return lines

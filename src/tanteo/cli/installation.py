@@ -6,7 +6,6 @@ This module imports optional distributions only when it checks them, so that it 
 from __future__ import annotations
 
 import platform
-import re
 import tempfile
 import time
 from collections.abc import Sequence
@@ -66,7 +65,7 @@ class Extra:
     """Optional dependency of tanteo.
 
     Attributes:
-        name: name in ``pip install 'tanteo[name]'``.
+        name: name in ``pip install -e '.[name]'``.
         gives: features that need it.
         installed: whether it is installed.
     """
@@ -262,13 +261,3 @@ def _cache() -> tuple[str, bool]:
             return str(folder), True
     except OSError:
         return str(folder), False
-
-
-def install_command(names: Sequence[str]) -> str:
-    """Return the command that installs some extras.
-
-    Args:
-        names: names of the extras.
-    """
-    assert all(re.fullmatch(r"\w+", name) for name in names)
-    return f"pip install 'tanteo[{','.join(names)}]'"

@@ -6,7 +6,7 @@ import socket
 import threading
 from typing import Any, Protocol
 
-from tanteo.errors import MissingExtraError
+from tanteo.errors import MissingExtraError, install_command
 from tanteo.machines.protocol import LinkLostError
 
 
@@ -117,7 +117,7 @@ class SerialLink:
             import serial
         except ImportError:
             raise MissingExtraError(
-                "serial ports: expected pyserial, got none. Install it: pip install 'tanteo[machines]'."
+                f"serial ports: expected pyserial, got none. Install it: {install_command('machines')}."
             ) from None
         self.name = port
         self._errors: Any = (serial.SerialException, OSError, TypeError)  # TypeError if another thread closes the port

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tanteo.errors import InputError, MissingExtraError
+from tanteo.errors import InputError, MissingExtraError, install_command
 from tanteo.geometry.typing import FloatArray
 from tanteo.replaced import replaced
 from tanteo.sensors.presets import SensorPreset
@@ -127,7 +127,7 @@ def make_figure(width: float, height: float) -> Any:
         from matplotlib.figure import Figure
     except ImportError:
         raise MissingExtraError(
-            "picture: expected Matplotlib, got none installed. Install it: pip install 'tanteo[plot]'."
+            f"picture: expected Matplotlib, got none installed. Install it: {install_command('plot')}."
         ) from None
     return Figure(figsize=(width, height), dpi=110, layout="constrained")
 

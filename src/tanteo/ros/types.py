@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
-from tanteo.errors import MissingExtraError
+from tanteo.errors import MissingExtraError, install_command
 
 NEEDS_ROS = (
     "tanteo ros: expected ROS 2 for Python (rclpy), got none. Source your ROS 2 (/opt/ros/DISTRO/setup.bash) and start "
-    "tanteo with its Python, or install wheels of it: pip install 'tanteo[ros]'."
+    f"tanteo with its Python, or install wheels of it: {install_command('ros')}."
 )
 """Message to the user if rclpy is missing."""
 

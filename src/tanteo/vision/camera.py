@@ -13,7 +13,7 @@ from types import ModuleType
 
 import numpy as np
 
-from tanteo.errors import InputError, MissingExtraError
+from tanteo.errors import InputError, MissingExtraError, install_command
 from tanteo.geometry import SE3, check_covariance, frozen_array
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 from tanteo.values import Value, lock
@@ -34,7 +34,7 @@ def opencv() -> ModuleType:
         import cv2
     except ImportError as error:
         raise MissingExtraError(
-            f"image: expected OpenCV to work on images, got {error}. Run pip install 'tanteo[vision]'."
+            f"image: expected OpenCV to work on images, got {error}. Run {install_command('vision')}."
         ) from error
     return cv2
 

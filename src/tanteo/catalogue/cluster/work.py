@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from tanteo.errors import InputError
+from tanteo.errors import InputError, install_command
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -176,7 +176,7 @@ def _client(scheduler: str) -> Iterator[Client]:
     """Connect to a scheduler; a ``local`` one is started here and ends with the context."""
     check_scheduler(scheduler)
     if importlib.util.find_spec("distributed") is None:
-        raise InputError("scheduler: expected Dask, which is not installed. pip install 'tanteo[cluster]'.")
+        raise InputError(f"scheduler: expected Dask, which is not installed. Run {install_command('cluster')}.")
     from distributed import Client
 
     if not scheduler.startswith("local"):

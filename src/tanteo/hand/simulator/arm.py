@@ -20,7 +20,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from tanteo.errors import InputError, MissingExtraError
+from tanteo.errors import InputError, MissingExtraError, install_command
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Tangents, Transforms, Vectors
 from tanteo.hand.robot import Hand
@@ -103,7 +103,7 @@ def mujoco() -> ModuleType:
         import mujoco as module
     except ImportError as error:
         raise MissingExtraError(
-            f"--cell: expected MuJoCo, which reads models of arms, got {error}. Run pip install 'tanteo[sim]'."
+            f"--cell: expected MuJoCo, which reads models of arms, got {error}. Run {install_command('sim')}."
         ) from error
     return module
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.errors import InputError, MissingExtraError, did_you_mean
+from tanteo.errors import InputError, MissingExtraError, did_you_mean, install_command
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Rotations, Transforms
 from tanteo.io.poses.camera_layouts import load_yaml
@@ -152,7 +152,7 @@ def _expanded(file: Path) -> str:
         import xacro
     except ImportError:
         raise MissingExtraError(
-            f"{file}: expected the package xacro to expand it, got none. Install it (pip install 'tanteo[urdf]'), or "
+            f"{file}: expected the package xacro to expand it, got none. Run {install_command('urdf')}, or "
             f"expand the file where ROS is: xacro {file.name} > robot.urdf."
         ) from None
     try:

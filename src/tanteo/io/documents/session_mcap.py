@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.errors import InputError, MissingExtraError
+from tanteo.errors import InputError, MissingExtraError, install_command
 from tanteo.io.documents.session_messages import RECORD, SPREAD, TEXT, Sent, of_end, of_step
 from tanteo.io.readings.broken_bags import STARTS
 from tanteo.planning import Session
 from tanteo.replaced import replaced
 
-NEEDS_MCAP = "MCAP: expected the packages mcap and rosbags, got none. Install them: pip install 'tanteo[bags]'."
+NEEDS_MCAP = f"MCAP: expected the packages mcap and rosbags, got none. Install them: {install_command('bags')}."
 """Error message if a package is missing."""
 SUFFIX = ".mcap"
 """File name suffix of MCAP records."""

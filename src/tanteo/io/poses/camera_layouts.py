@@ -22,7 +22,7 @@ from xml.etree import ElementTree
 import msgspec
 import numpy as np
 
-from tanteo.errors import InputError, MissingExtraError
+from tanteo.errors import InputError, MissingExtraError, install_command
 from tanteo.io.documents.schema import show
 
 DISTORTION: Mapping[str, str] = MappingProxyType(
@@ -421,7 +421,7 @@ def _yaml() -> ModuleType:
         import yaml
     except ImportError as error:
         raise MissingExtraError(
-            f"camera: expected PyYAML to read YAML, got {error}. Run pip install 'tanteo[vision]', or give JSON."
+            f"camera: expected PyYAML to read YAML, got {error}. Run {install_command('vision')}, or give JSON."
         ) from error
     return yaml
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tanteo.errors import MissingExtraError, ReadingsError
+from tanteo.errors import MissingExtraError, ReadingsError, install_command
 from tanteo.io.documents.ros_messages import RosMessages, RosOptions, check_topics, wanted_topics
 from tanteo.io.readings.broken_bags import STARTS, Raw, files_of, messages_until_damage
 from tanteo.io.readings.ros_readings import readings_at, readings_of_messages
@@ -102,7 +102,7 @@ def messages_of(path: Path, options: RosOptions) -> tuple[RosMessages, list[str]
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise MissingExtraError(
-            "recordings of ROS: expected rosbags, got none. Install it: pip install 'tanteo[bags]'."
+            f"recordings of ROS: expected rosbags, got none. Install it: {install_command('bags')}."
         ) from None
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy.typing as npt
 
-from tanteo.errors import MissingExtraError, PluginError
+from tanteo.errors import MissingExtraError, PluginError, install_command
 from tanteo.plugins import Registry, guarded
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def _kernel(path: Path) -> CadFaces:
         from tanteo.parts.readers.step import load_step
     except ImportError as error:
         raise MissingExtraError(
-            f"{path.name}: expected the CAD kernel to read STEP and IGES, got {error}. Run pip install 'tanteo[step]'."
+            f"{path.name}: expected the CAD kernel to read STEP and IGES, got {error}. Run {install_command('step')}."
         ) from error
     whole, body = split_body(path)
     draft, unit, notes = load_step(whole, path.name, body)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tanteo.errors import MissingExtraError
+from tanteo.errors import MissingExtraError, install_command
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Vectors
 from tanteo.planning import POLICIES, Session
@@ -60,7 +60,7 @@ def show_moment(page: Page, all_moments: Sequence[Snapshot], k: int) -> None:
     page.set_text("steps", panel.steps([panel.step_line(m) for m in all_moments[1 : k + 1]]))
 
 
-NEEDS_VISER = "the live page: expected viser, got none installed. Install it: pip install 'tanteo[viewer]'."
+NEEDS_VISER = f"the live page: expected viser, got none installed. Install it: {install_command('viewer')}."
 
 
 def play(
