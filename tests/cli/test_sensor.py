@@ -78,7 +78,7 @@ def test_pictures_without_matplotlib_name_the_package(run, tmp_path, monkeypatch
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     result = run("sensor", "show", "vl53l0x", "--picture", tmp_path / "x.png")
     assert (result.code, result.out) == (2, "")
-    assert "pip install 'tanteo[plot]'" in result.err
+    assert "pip install -e '.[plot]'" in result.err
 
 
 def test_rig_shows_the_paper_s_gripper(run):

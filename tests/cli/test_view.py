@@ -58,7 +58,7 @@ def test_without_viser_it_names_the_package(run, monkeypatch):
     monkeypatch.setattr("tanteo.cli.view.find_spec", lambda name: None)
     result = run("view")
     assert (result.code, result.out) == (1, "")
-    assert "pip install 'tanteo[viewer]'" in result.err
+    assert "pip install -e '.[viewer]'" in result.err
 
 
 def test_the_example_needs_no_arguments(run, opened):
