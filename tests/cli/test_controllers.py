@@ -54,7 +54,7 @@ def test_a_work_offset_with_its_tilt(run):
 def test_a_frame_that_loses_the_turn_is_refused(run):
     got = run(*LOCATE, "--wcs", "grbl:G54")
     assert (got.code, got.out) == (1, "")
-    assert "a turn of 33 +- " in got.err
+    assert "a turn of 33.0" in got.err
     accepted = run(*LOCATE, "--wcs", "grbl:G54", "--accept-turn-lost")
     assert accepted.code == 0
     assert "\nG10 L2 P1 X420.0" in accepted.out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +26,7 @@ PARTS = Path(__file__).parents[2] / "examples" / "parts"
 TOUCH = Probe("touch", NoiseLaw.of(3e-4), contact=True, standoff=0.03)
 FARTHER = replace(TOUCH, standoff=0.06)  # clear of every pose of a large part
 C = np.diag(np.repeat([5e-3, 0.05], 3) ** 2)
+UP = np.array([0.0, 0.0, 1.0])
 
 
 def test_a_prior_too_wide_for_any_plan_is_named(bracket):
@@ -216,7 +218,27 @@ def test_out_of_reach_is_reported(bracket):
     away = replace(TOUCH, workspace=Workspace.above(3.0))
     found = plan(at_pose(bracket, np.eye(4), C), away, 1e-3)
     assert found.readings == ()
-    assert "reaches no place" in found.message
+    assert "outside the workspace" in found.message
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        (
+            {"standoff": 0.1, "approach": np.array([0.0, 0.0, -1.0]), "cone": 0.1, "stylus": UP},
+            r"before the surface.*--standoff",
+        ),
+        ({"approach": UP, "cone": 0.1, "stylus": UP}, "--approach"),
+    ],
+)
+def test_the_limit_that_prevents_every_touch_is_named(bracket, limits, words):
+    """A ceiling of 0.12 m above a part of 0.06 m leaves no room for a long stand-off."""
+    from tanteo.hand import Workspace
+
+    low = replace(TOUCH, workspace=Workspace(np.array([-1, -1, -0.1]), np.array([1, 1, 0.12])), **limits)
+    found = plan(at_pose(bracket, np.eye(4), C), low, 1e-3)
+    assert found.readings == ()
+    assert re.search(words, found.message), found.message
 
 
 @pytest.mark.parametrize(
@@ -349,7 +371,7 @@ def test_a_probe_without_enough_clearance_gets_its_value(bracket):
     start = at_pose(bracket, np.eye(4), C)
     found = plan(start, probe_of(sensor_preset("inductive_analog_m18")), 1e-3)
     assert found.readings == ()
-    assert "It starts 6.4 mm before the surface and needs 10 mm of clearance" in found.message
+    assert "It needs 10 mm of clearance" in found.message
     assert "--clearance 3.2mm" in found.message
     assert plan(
         start, probe_of(sensor_preset("inductive_analog_m18"), clearance=3.2e-3), 1e-3, max_measurements=2

@@ -228,7 +228,9 @@ def _fake(start: Start, session: Session, options: Options, machine: MachineOpti
     spread = machine.spread(options.sensor, options.sd)
     sd = float(session.probe.law.sigma(np.asarray(session.probe.standoff))) if isinstance(spread, str) else spread
     ways = Ways.from_start(start, session.probe, turns=False)
-    place = np.array([*ways.job.centre[:2], ways.job.safe_height + _ABOVE])
+    ceiling = float(session.probe.workspace.high[2]) - 2 * session.probe.clearance
+    height = max(ways.job.safe_height, min(ways.job.safe_height + _ABOVE, ceiling))
+    place = np.array([*ways.job.centre[:2], height])
     return World(Surface(part.vertices, part.triangles), T, machine.radius, sd, options.seed), place
 
 

@@ -95,7 +95,7 @@ def _probed(session: Session, machine: SafeMachine, record: str | Path | None, w
         watch(turn)
         in_vain = in_vain + 1 if turn.step is None else 0
         if stopped or in_vain >= _REFUSED:
-            end = Stated(stopped) if stopped else NoClearPath("machine", last=True)
+            end = Stated(stopped) if stopped else NoClearPath("machine", last=True, reason=turns[-1].note)
             return Probed(Done(False, (end,)), tuple(turns), stopped, resumed)
     return Probed(action, tuple(turns), "", resumed)
 

@@ -54,10 +54,12 @@ class Ways:
             places = SE3.apply(T, box)
             corners += [places - _SDS * sds, places + _SDS * sds]
         all_ = np.concatenate(corners)
-        clearance = probe.clearance + probe.radius + max(probe.standoff, probe.farthest)
+        near = probe.clearance + probe.radius
+        clearance = near + max(probe.standoff, probe.farthest)
         centre = 0.5 * (all_.min(axis=0) + all_.max(axis=0))
         wide = float(np.linalg.norm(all_[:, :2] - centre[:2], axis=1).max()) + clearance
-        heights = float(all_[:, 2].max()) + clearance, float(all_[:, 2].min()) - clearance
+        over = clearance if turns else near  # a tool that points down rises to higher starts where it needs to
+        heights = float(all_[:, 2].max()) + over, float(all_[:, 2].min()) - clearance
         name = start.targets[int(start.part[0])].part.name
         return cls(Job(name, "", (), probe.radius, 0.0, *heights, centre, wide), turns, probe)
 
@@ -93,7 +95,7 @@ class Ways:
         return _without_stays([SE3.from_parts(R, p) for p, R in [*places, (touch.start, touch.tool)]], here)
 
     def _above(self, touch: Touch, here: np.ndarray) -> list[Transforms]:
-        height = max(self.job.safe_height, float(here[2]))
+        height = max(self.job.safe_height, float(here[2]), float(touch.start[2]))
         corners = np.array([*here[:2], height]), np.array([*touch.start[:2], height]), touch.start
         return _without_stays([SE3.from_parts(touch.tool, place) for place in corners], here)
 

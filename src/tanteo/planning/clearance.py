@@ -30,6 +30,9 @@ _LEAST_PROBABILITY = 0.003
 _STEPS, _BESIDE_WALLS = 4, 10
 """Numbers of checked points on an approach path, without and with a stylus; a stylus may move between walls."""
 
+_SAME = 1e-9
+"""Numerical: distance from the end of the workspace that rounding may exceed [m]."""
+
 _DRAWS, _LEAST_DRAWS = 64, 8
 """Number of sampled poses of which an approach path must be clear, and smallest number for each mode."""
 
@@ -93,7 +96,7 @@ def _clear_of_boxes(candidates: Candidates, probe: Probe) -> BoolArray:
     c, boxes = candidates, probe.workspace.forbidden
     aims, last = c.aims, np.maximum(c.ranges - probe.clearance, 0.0) if probe.contact else np.zeros(len(c))
     near = c.origins + last[:, None] * c.directions
-    retreated = c.origins + probe.retreat * _retreat_directions(c, probe)
+    retreated = c.origins + _retreats(c, probe)
     tip = aims - probe.radius * c.directions
     crossed = [box.crossed(retreated, near, probe.clearance) | box.crossed(near, tip, probe.radius) for box in boxes]
     ok = ~np.any(crossed, axis=0) if boxes else np.ones(len(c), dtype=bool)
@@ -157,8 +160,8 @@ def _approach_paths(candidates: Candidates, probe: Probe) -> Paths:
     Returns:
         Points, world frame ``(C, P, 3)`` [m], and lengths, negative where less space is needed ``(P,)`` [m].
     """
-    back = np.linspace(0.0, probe.retreat, _STEPS if probe.stylus is None else _BESIDE_WALLS)
-    path = candidates.origins[:, None] + back[:, None] * _retreat_directions(candidates, probe)[:, None]
+    back = np.linspace(0.0, 1.0, _STEPS if probe.stylus is None else _BESIDE_WALLS)
+    path = candidates.origins[:, None] + back[:, None] * _retreats(candidates, probe)[:, None]
     if probe.body is None:
         return path, np.zeros(len(back))
     tool = probe.body.radii > probe.radius * (1 + _STYLUS)
@@ -179,9 +182,18 @@ def _clear_of_obstacles(candidates: Candidates, probe: Probe) -> BoolArray:
     return ok
 
 
-def _retreat_directions(candidates: Candidates, probe: Probe) -> Vectors:
-    """Return unit directions of retreat ``(C, 3)``: straight back, or along the stylus, as out of a bore."""
-    return -candidates.directions if probe.stylus is None else np.broadcast_to(probe.stylus, candidates.origins.shape)
+def _retreats(candidates: Candidates, probe: Probe) -> Vectors:
+    """Return the retreats ``(C, 3)`` [m]: straight back, or along the stylus, as out of a bore.
+
+    Along the stylus they end where the workspace ends, because a machine rises no farther.
+    """
+    if probe.stylus is None:
+        return -probe.retreat * candidates.directions
+    up, origins, within = probe.stylus, candidates.origins, probe.workspace
+    ends = np.where(up > 0, within.high - probe.clearance, within.low + probe.clearance)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = np.where(up != 0, (ends - origins) / up, np.inf).min(axis=1)
+    return np.clip(room - _SAME, 0.0, probe.retreat)[:, None] * up
 
 
 def _distances(target: PreparedPart, to_part: Transforms, points: Vectors, probe: Probe) -> FloatArray:

@@ -17,6 +17,7 @@ from tanteo.planning.rays import has_cone
 from tanteo.planning.samples import draw
 from tanteo.planning.start import Start
 from tanteo.planning.state import SensingState, begin
+from tanteo.planning.unreached import no_place
 from tanteo.planning.utility import about_mode
 from tanteo.posterior import PreparedPart, Priors, Problem, identify_points, prepare_all, refine_poses
 from tanteo.posterior.answers import corner_moves
@@ -116,7 +117,7 @@ def discriminate(
     if not len(candidates):
         nowhere = np.full(3, np.nan)
         return Discrimination(
-            names, nowhere, nowhere, nowhere[:2], nowhere[:2], twins[0], 0.0, NoPlaceReached(names)
+            names, nowhere, nowhere, nowhere[:2], nowhere[:2], twins[0], 0.0, no_place(state, probe, seed, names)
         )  # fmt: skip
     information = _information(state, candidates, probe, len(twins))
     k = int(np.lexsort((information.sum(axis=0), information.min(axis=0)))[-1])

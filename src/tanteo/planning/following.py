@@ -26,6 +26,7 @@ from tanteo.planning.session.questions import action_of
 from tanteo.planning.start import Start, from_hypotheses
 from tanteo.planning.state import begin
 from tanteo.planning.stopping import chance_within
+from tanteo.planning.unreached import no_place
 from tanteo.posterior import Answer, Hypothesis, Priors
 from tanteo.words.findings import AccuracyNeeded, ExpectedReading, GoalReached, NextTouch, NoPlaceReached
 
@@ -122,7 +123,7 @@ def next_reading(
         candidates = propose(state, probe, _CANDIDATES, seed, anywhere=False)
     names = tuple(target.part.name for target in start.targets)
     if not len(candidates):
-        return NoPlaceReached(names)
+        return no_place(state, probe, seed, names)
     open_part = len(start.targets) > 1
     enough = goal
     if goal is None and answer.status == "ambiguous":  # only the choice among the hypotheses has a value

@@ -25,13 +25,14 @@ from tanteo.planning.placements import Promise
 from tanteo.planning.places import check_feature, places_of
 from tanteo.planning.probe import Probe
 from tanteo.planning.start import Start
+from tanteo.planning.state import begin
+from tanteo.planning.unreached import no_place
 from tanteo.posterior.answers import corner_sd, observed_covariance
 from tanteo.sensors.error_states import ErrorState
 from tanteo.values import Value
 from tanteo.words import Finding, message_of
 from tanteo.words.findings import (
     FaceOftenMissed,
-    NoPlaceReached,
     NoReadingNeeded,
     PlanGoal,
     PlanResult,
@@ -56,9 +57,6 @@ this."""
 
 _FREE = 0.99
 """Fraction of placements with clear approaches above which no remark is made."""
-
-_LESS = 0.5, 0.25, 0.1
-"""Clearances to try if no candidate is reachable, as fractions of the stand-off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,7 +174,9 @@ def plan(
     design = design_of(start, probe, seed, feature, stated)
     if design is None:
         before = places_of(part, feature).sd(observed_covariance(part, start.covariances[0]))
-        return Plan(part.name, start.Ts[0], (), before, False, (_no_place(start, probe, seed),), feature)
+        return Plan(
+            part.name, start.Ts[0], (), before, False, (no_place(begin(start), probe, seed, (part.name,)),), feature
+        )
     if (within := design.chance(design.prior, tolerance)) >= confidence:
         return _nothing_to_do(start, design, tolerance, within)
     design, chosen, can = _steadiest(start, probe, tolerance, confidence, max_measurements, seed, design)
@@ -250,16 +250,6 @@ def _nothing_to_do(start: Start, design: Design, tolerance: float, within: float
     finding = NoReadingNeeded(_goal(design, tolerance), within)
     name, before = design.target.part.name, design.places.sd(design.pose(design.prior))
     return Plan(name, start.Ts[0], (), before, True, (finding,), design.places.feature)
-
-
-def _no_place(start: Start, probe: Probe, seed: int) -> NoPlaceReached:
-    """Return the finding that no candidate is reachable, with a smaller clearance that would suffice if one does."""
-    parts = (start.targets[0].part.name,)
-    for share in _LESS:
-        clearance = float(f"{share * probe.standoff:.2g}")
-        if clearance < probe.clearance and design_of(start, replace(probe, clearance=clearance), seed) is not None:
-            return NoPlaceReached(parts, probe.standoff, probe.clearance, clearance)
-    return NoPlaceReached(parts)
 
 
 def _too_wide_a_prior(

@@ -207,9 +207,10 @@ def _about_z(
 
 
 def _degrees(angle: float, variance: float) -> str:
-    """Return an angle with its standard deviation, as text, from an angle [rad] and a variance [rad^2]."""
+    """Return an angle with two digits of its standard deviation, from an angle [rad] and a variance [rad^2]."""
     sd = np.degrees(np.sqrt(variance))
-    return f"{np.degrees(angle):.3g} +- {sd:.2g} deg"
+    places = int(np.clip(1 - np.floor(np.log10(sd)), 0, 9))
+    return f"{np.degrees(angle):.{places}f} +- {sd:.{places}f} deg"
 
 
 def _offset(

@@ -25,6 +25,7 @@ from tanteo.planning.session.worth import enough, information_of_repeat, once_mo
 from tanteo.planning.start import Start
 from tanteo.planning.state import SensingState, begin, confirmed, update
 from tanteo.planning.stopping import Stop
+from tanteo.planning.unreached import no_place
 from tanteo.planning.whole import Offers
 from tanteo.posterior import Answer, PosePrior
 from tanteo.sensors import Readings, check_readings_kind, concatenate
@@ -160,9 +161,10 @@ class Session(Value):
             return self._pending
         if not len(self._state.weights):
             return Done(False, (NoPartLeft(),))
-        candidates = self._open(propose(self._state, self.probe, _CANDIDATES, self.seed * 1000 + self._last_number))
+        reached = propose(self._state, self.probe, _CANDIDATES, self.seed * 1000 + self._last_number)
+        candidates = self._open(reached)
         context = self._context(candidates)
-        chosen = self._chosen(context) if len(candidates) else Done(False, (NoPlaceReached(),))
+        chosen = self._chosen(context) if len(candidates) else Done(False, (self._no_place(len(reached)),))
         better = worth_acquiring(self.stop, context, self._offers(chosen), chosen)
         if better is None and isinstance(chosen, Done):
             return self._explained(chosen) if len(candidates) else chosen
@@ -180,6 +182,10 @@ class Session(Value):
             return None
         repeats = self._open(once_more(self._state, self._steps))
         return repeats if len(repeats) else None
+
+    def _no_place(self, reached: int) -> NoPlaceReached:
+        """Return why no candidate is left; those that the probe reaches were refused, or the machine is unable."""
+        return NoPlaceReached() if reached else no_place(self._state, self.probe, self.seed, anywhere=True)
 
     def _chosen(self, context: DecisionContext) -> tuple[DecisionContext, Choice] | Done:
         """Return the chosen reading with its context, or the end of the session."""

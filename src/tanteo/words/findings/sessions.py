@@ -133,16 +133,17 @@ class NoPlaceReached(Finding):
 
     Attributes:
         parts: names of the parts; empty for all parts of a session, wherever they may be.
-        standoff: stand-off of the probe [m]; NaN if it does not matter.
-        clearance: radius of the free space that the probe needs [m]; NaN if it does not matter.
-        possible: smaller clearance with which the probe reaches a place [m]; NaN if none is known.
+        limit: limit of the probe without which it reaches a place: ``standoff``, ``clearance``, ``workspace``,
+            ``obstacles``, ``tool`` or ``directions``; empty if several prevent it.
+        value: stand-off or clearance [m]; NaN for another limit.
+        possible: smaller stand-off or clearance with which the probe reaches a place [m]; NaN for another limit.
     """
 
     kind: ClassVar[str] = "no_place_reached"
     role: ClassVar[Role] = "verdict"
     parts: tuple[str, ...] = ()
-    standoff: float = float("nan")
-    clearance: float = float("nan")
+    limit: str = ""
+    value: float = float("nan")
     possible: float = float("nan")
 
 
@@ -153,11 +154,13 @@ class NoClearPath(Finding):
     Attributes:
         device: moving device, ``hand`` or ``machine``.
         last: whether the run ends for this reason.
+        reason: sentence on the limit that refused the last path; empty if none is known.
     """
 
     kind: ClassVar[str] = "no_clear_path"
     device: str
     last: bool = False
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)

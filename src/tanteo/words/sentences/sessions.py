@@ -60,28 +60,50 @@ def _(one: f.NotWorthCost) -> Words:
     return f"No reading is worth its cost: the best one is expected to exclude {share} of the possible poses.", ""
 
 
+_LIMITS = {
+    "": (
+        "",
+        "Give a smaller clearance and stand-off (--clearance, --standoff), another approach direction, or a better "
+        "prior pose.",
+    ),
+    "workspace": (
+        " Every start or path to it is outside the workspace or in a forbidden box.",
+        "Enlarge the workspace (--workspace, --forbid), or move the part.",
+    ),
+    "obstacles": (" The table or furniture is in the way.", "Correct --table or --furniture, or move the part."),
+    "tool": (
+        " Stylus or tool would meet the part, the table or furniture.",
+        "Use a longer stylus or a slimmer tool (--tool-body).",
+    ),
+    "directions": (
+        " The allowed directions reach no surface.",
+        "Allow others (--approach, --tool-tilt, --axis-parallel).",
+    ),
+}
+"""Sentence and advice by the limit that prevents every reading."""
+
+
 @words_of.register
 def _(one: f.NoPlaceReached) -> Words:
-    if not one.parts:
-        return (
-            "The probe reaches no place of the part at its possible poses."
-        ), "Give a smaller clearance, a larger stand-off, another approach direction or a better prior pose."
-    text = f"The probe reaches no place of {listed(list(one.parts))}."
-    if math.isnan(one.possible):
-        return text, "Give a smaller clearance, or another approach direction."
-    smaller = millimetres(one.possible)
-    return (
-        f"{text} It starts {millimetres(one.standoff, 3)} before the surface and needs "
-        f"{millimetres(one.clearance, 3)} of clearance there."
-    ), f"It reaches some with a clearance of {smaller} (--clearance {smaller.replace(' ', '')})."
+    where = listed(list(one.parts)) if one.parts else "the part at its possible poses"
+    text = f"The probe reaches no place of {where}."
+    if one.limit in _LIMITS:
+        why, advice = _LIMITS[one.limit]
+        return text + why, advice
+    value, smaller = millimetres(one.value, 3), millimetres(one.possible)
+    option = f"(--{one.limit} {smaller.replace(' ', '')})"
+    if one.limit == "standoff":
+        return f"{text} It starts {value} before the surface.", f"A stand-off of {smaller} is enough {option}."
+    return f"{text} It needs {value} of clearance.", f"It reaches some with a clearance of {smaller} {option}."
 
 
 @words_of.register
 def _(one: f.NoClearPath) -> Words:
     if one.last:
         return (
-            f"The {one.device} finds no clear path to the readings that are worth making.",
-            "Clear some space for it.",
+            f"The {one.device} finds no clear path to the readings that are worth making."
+            + (f" The last one: {one.reason}" if one.reason else ""),
+            "A smaller --standoff lowers the height of its travel; otherwise clear some space for it.",
         )
     return f"There is no clear path for the {one.device}.", ""
 
