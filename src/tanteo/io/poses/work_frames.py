@@ -190,7 +190,8 @@ def _about_z(
     C = T[:3, :3] @ frame.C[3:, 3:] @ T[:3, :3].T + _EXACT**2 * np.eye(3)
     own = slice(0, 3 if turn == "none" else 2)
     explained = omitted[own] @ np.linalg.solve(C[own, own], omitted[own]) <= chi2_quantile(LEVEL, own.stop)
-    across = omitted[:2] / max(float(np.linalg.norm(omitted[:2])), _EXACT)
+    leaning = float(np.linalg.norm(omitted[:2]))
+    across = omitted[:2] / leaning if leaning > _EXACT else np.array([1.0, 0.0])
     what = f"a tilt of {_degrees(tilt, float(across @ C[:2, :2] @ across))}"
     if turn == "none":
         yaw = np.arctan2(nearest[1, 0], nearest[0, 0])
