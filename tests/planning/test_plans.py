@@ -232,7 +232,7 @@ def test_out_of_reach_is_reported(bracket):
     ],
 )
 def test_the_limit_that_prevents_every_touch_is_named(bracket, limits, words):
-    """A ceiling of 0.12 m above a part of 0.06 m leaves no room for a long stand-off."""
+    """A ceiling of 0.12 m above a part of 0.06 m is too low for a long stand-off."""
     from tanteo.hand import Workspace
 
     low = replace(TOUCH, workspace=Workspace(np.array([-1, -1, -0.1]), np.array([1, 1, 0.12])), **limits)

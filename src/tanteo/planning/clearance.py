@@ -192,8 +192,8 @@ def _retreats(candidates: Candidates, probe: Probe) -> Vectors:
     up, origins, within = probe.stylus, candidates.origins, probe.workspace
     ends = np.where(up > 0, within.high - probe.clearance, within.low + probe.clearance)
     with np.errstate(divide="ignore", invalid="ignore"):
-        room = np.where(up != 0, (ends - origins) / up, np.inf).min(axis=1)
-    return np.clip(room - _SAME, 0.0, probe.retreat)[:, None] * up
+        length = np.where(up != 0, (ends - origins) / up, np.inf).min(axis=1)
+    return np.clip(length - _SAME, 0.0, probe.retreat)[:, None] * up
 
 
 def _distances(target: PreparedPart, to_part: Transforms, points: Vectors, probe: Probe) -> FloatArray:

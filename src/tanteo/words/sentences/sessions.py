@@ -72,7 +72,7 @@ _LIMITS = {
     ),
     "obstacles": (" The table or furniture is in the way.", "Correct --table or --furniture, or move the part."),
     "tool": (
-        " Stylus or tool would meet the part, the table or furniture.",
+        " Stylus or tool would hit the part, the table or furniture.",
         "Use a longer stylus or a slimmer tool (--tool-body).",
     ),
     "directions": (
