@@ -16,6 +16,7 @@ from tanteo.bench.sets import BenchScene, BenchSet, Placement
 from tanteo.bench.tables import bench_picture, read_scores, score_table, write_scores
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
+from tanteo.parts import Surface
 
 SD = 1e-3
 
@@ -124,6 +125,25 @@ def test_a_set_is_read_as_it_was_written(tmp_path):
             assert new.normal_sd == pytest.approx(old.normal_sd)
     with pytest.raises(InputError, match="Choose another"):
         write_set(both, tmp_path / "set")
+
+
+@pytest.mark.parametrize("name", ["ranges", "cones"])
+def test_ranges_and_free_space_are_read_as_written(tmp_path, name):
+    made = generate(name, 2, seed=4)
+    write_set(made, tmp_path / "set")
+    again = read_set(tmp_path / "set")
+    for old, new in zip(made.scenes, again.scenes, strict=True):
+        np.testing.assert_allclose(new.points, old.points, atol=1e-6)
+        assert new.readings.is_free.tolist() == old.readings.is_free.tolist()
+        assert new.rig.sensors[0].response == old.rig.sensors[0].response
+        few = old.first(3)
+        assert (~few.readings.is_free).sum() == len(few.points) == 3
+        # a thin beam ends on its part, a cone at its nearest place before it
+        part = made.part(old.truth)
+        own = SE3.apply(SE3.inverse(old.T_world_part), old.points)
+        away = Surface(part.vertices, part.triangles).closest(own).distances
+        reach = 0.0 if name == "ranges" else old.readings.ranges.values * np.sin(np.radians(10))
+        assert (away < 4.5 * old.sd + reach).all()
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,13 @@ from importlib.resources import as_file, files
 
 import numpy as np
 
-from tanteo.bench.sets import BenchScene, BenchSet, Candidate
+from tanteo.bench.sets import BenchScene, BenchSet, Candidate, range_scene
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
-from tanteo.geometry.typing import Vectors
-from tanteo.parts import Part, read_part
+from tanteo.geometry.typing import Transforms, Vectors
+from tanteo.parts import Part, Surface, read_part
+from tanteo.sensors import Readings, Rig, RigSensor
+from tanteo.sensors.noise import cone_rays
 
 TOLERANCE = 0.05
 """Farthest that a corner of a right answer may be off, of the middle diagonal of the parts: the strictest threshold of
@@ -20,6 +22,9 @@ the BOP benchmark."""
 
 SD, NORMAL_SD = 5e-4, float(np.radians(3.0))
 """Of the readings: a laser on a robot arm [m], a surface that is felt at three places [rad]."""
+
+RAYS, REACH, LEAST_COSINE = 400, 0.5, 0.05
+"""Definition: rays that fill a cone, the largest range [m], and the smallest cosine of the incidence with an echo."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +39,8 @@ class Recipe:
         true_noise: true standard deviation of the noise divided by the stated one.
         outliers: number of readings of each scene that are up to 50 mm off.
         absent: fraction of the scenes whose true part is removed from the candidates.
+        half_angle: half angle of the cone of ranges [rad]; None for points.
+        response: what the sensor reports of its cone.
     """
 
     words: str
@@ -43,6 +50,8 @@ class Recipe:
     true_noise: float = 1.0
     outliers: int = 0
     absent: float = 0.0
+    half_angle: float | None = None
+    response: str = ""
 
 
 GENERATED: dict[str, Recipe] = {
@@ -53,6 +62,16 @@ GENERATED: dict[str, Recipe] = {
     "unknown": Recipe("15 points, every second time on a part that is no candidate", 15, alone=False, absent=0.5),
     "noise": Recipe("20 points on one part, with twice the noise that is stated", 20, true_noise=2.0),
     "outliers": Recipe("20 points on one part, two of them up to 50 mm off", 20, outliers=2),
+    "ranges": Recipe(
+        "20 ranges of a thin beam on one part, and the beams that missed it as free space", 20, half_angle=1e-3
+    ),
+    "cones": Recipe(
+        "25 ranges to the nearest point in a cone of 10 degrees on one of twelve parts, and empty cones",
+        25,
+        alone=False,
+        half_angle=float(np.radians(10.0)),
+        response="nearest",
+    ),
 }
 """Recipes of the generated sets by name."""
 
@@ -115,6 +134,8 @@ def demo_parts() -> list[Part]:
 
 def _scene(recipe: Recipe, part: Part, k: int, rng: np.random.Generator, *, known: bool = True) -> BenchScene:
     T = SE3.from_parts(SO3.from_quaternion(_unit(rng.normal(size=4))), rng.uniform(-0.5, 0.5, 3))
+    if recipe.half_angle is not None:
+        return _ranges(recipe, part, k, T, rng, known=known)
     p, n = surface_points(part, recipe.readings, rng)
     points = SE3.apply(T, p) + recipe.true_noise * SD * rng.normal(size=p.shape)
     off = rng.normal(size=(recipe.outliers, 3))
@@ -128,6 +149,38 @@ def _scene(recipe: Recipe, part: Part, k: int, rng: np.random.Generator, *, know
         normals = (SO3.exp(tilt) @ normals[..., None])[rows, :, 0]
     spread = NORMAL_SD if recipe.normals else float(np.pi)
     return BenchScene(f"{k}", points[rows], SD, normals, spread, part.name if known else None, T if known else None)
+
+
+def _ranges(recipe: Recipe, part: Part, k: int, T: Transforms, rng: np.random.Generator, *, known: bool) -> BenchScene:
+    """Return ranges from all sides, of beams aimed at places in the part's sphere; those that miss are free space."""
+    assert recipe.half_angle is not None
+    surface, local = (
+        Surface(part.vertices, part.triangles),
+        cone_rays(recipe.half_angle, RAYS if recipe.response else 1),
+    )
+    centre, radius = 0.5 * (part.vertices.max(axis=0) + part.vertices.min(axis=0)), 0.5 * part.diagonal
+    Ts, ranges = list[Transforms](), list[float]()
+    while np.isfinite(ranges).sum() < recipe.readings:
+        outward = _unit(rng.normal(size=3))
+        origin = centre + outward * (radius + rng.uniform(0.05, 0.15))
+        aim = centre + 0.6 * radius * rng.uniform() * _unit(rng.normal(size=3)) - origin
+        frame = SE3.from_parts(SO3.frame_from_axis(_unit(aim), 2), origin)
+        rays = local @ frame[:3, :3].T
+        hits = surface.cast(np.repeat(origin[None], len(rays), axis=0), rays)
+        facing = np.isfinite(hits.distances) & (
+            -np.sum(surface.normals[np.maximum(hits.triangles, 0)] * rays, axis=1) > LEAST_COSINE
+        )
+        nearest = float(hits.distances[facing].min(initial=np.inf))
+        Ts.append(T @ frame)
+        ranges.append(nearest + recipe.true_noise * SD * float(rng.normal()) if nearest < REACH else np.inf)
+    free = ~np.isfinite(ranges)
+    sensor = RigSensor(
+        "beam", np.eye(4), None, SD, recipe.half_angle, REACH, 0.0, np.zeros((6, 6)), response=recipe.response
+    )
+    readings = Readings.from_columns(
+        ranges=np.where(free, np.nan, ranges), is_free=free, sensors=["beam"] * len(free), Ts_world_hand=np.array(Ts)
+    )
+    return range_scene(f"{k}", readings, Rig((sensor,)), part.name if known else None, T if known else None)
 
 
 def _unit(v: Vectors) -> Vectors:

@@ -38,7 +38,8 @@ def tanteo(candidates: tuple[Candidate, ...]) -> Callable[[BenchScene], list[Pla
         n = len(scene.points)
         sds, normal_sds = np.full(n, scene.sd), None if scene.normals is None else np.full(n, scene.normal_sd)
         readings = Readings.from_columns(scene.points, sds=sds, normals=scene.normals, normal_sds=normal_sds)
-        answer = identify(readings, parts, top=20, conventions=False)
+        given = readings if scene.readings is None else scene.readings
+        answer = identify(given, parts, rig=scene.rig, top=20, conventions=False)
         if answer.status in ("unknown", "insufficient"):
             return []
         return [Placement(h.part, h.T_world_part, h.covariance, h.probability) for h in answer.hypotheses]

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from tanteo.bench.generated import tolerance_of
-from tanteo.bench.sets import BenchScene, BenchSet
+from tanteo.bench.sets import BenchScene, BenchSet, range_scene
 from tanteo.catalogue import read_parts
 from tanteo.errors import InputError
 from tanteo.geometry.typing import Transforms
-from tanteo.io import pose_as_brand, pose_from_brand, read_readings, write_readings
+from tanteo.io import pose_as_brand, pose_from_brand, read_readings, read_rig, write_readings, write_rig
+from tanteo.io.documents import rig_text
 from tanteo.parts import read_whole
-from tanteo.sensors import Readings
+from tanteo.sensors import Readings, Rig
 
 _POSE = ("x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw")
 _MM = 1e-3
@@ -45,7 +46,8 @@ def read_set(folder: str | Path) -> BenchSet:
     missing = [file.name for file in files if file.stem not in truth]
     if missing:
         raise InputError(f"{folder / 'truth.csv'}: expected a row for each scene, got none of {', '.join(missing)}.")
-    scenes = tuple(_scene(file, *truth[file.stem]) for file in files)
+    rig = read_rig(folder / "rig.toml") if (folder / "rig.toml").exists() else None
+    scenes = tuple(_scene(file, rig, *truth[file.stem]) for file in files)
     tolerance = header.get("tolerance_mm", tolerance_of(parts) / _MM)
     if isinstance(tolerance, bool) or not isinstance(tolerance, int | float):
         raise InputError(f"{folder / 'set.toml'}, tolerance_mm: expected a number, got {tolerance!r}.")
@@ -70,8 +72,10 @@ def _truth(path: Path) -> dict[str, tuple[str | None, Transforms | None]]:
     return out
 
 
-def _scene(path: Path, part: str | None, pose: Transforms | None) -> BenchScene:
-    readings = read_readings(path)
+def _scene(path: Path, rig: Rig | None, part: str | None, pose: Transforms | None) -> BenchScene:
+    readings = read_readings(path, rig=rig)
+    if rig is not None:
+        return range_scene(path.stem, readings, rig, part, pose)
     sds = readings.sds.values
     if not len(sds) or not readings.points.given.all():
         raise InputError(f"{path}: expected points with a standard deviation each, got others.")
@@ -113,11 +117,19 @@ def write_set(bench_set: BenchSet, folder: str | Path) -> None:
             T = scene.T_world_part
             pose = [""] * 7 if T is None else [f"{v:.12g}" for v in pose_as_brand("ros", T) / _UNITS]
             table.writerow([scene.name, scene.truth or "", *pose])
+    rigs = {rig_text(scene.rig): scene.rig for scene in bench_set.scenes if scene.rig is not None}
+    if len(rigs) > 1 or (rigs and any(scene.rig is None for scene in bench_set.scenes)):
+        raise InputError(f"set {bench_set.name!r}: expected one rig of all scenes, got several. Write several sets.")
+    for rig in rigs.values():
+        write_rig(rig, folder / "rig.toml")
     for scene in bench_set.scenes:
         _write_scene(scene, folder / "scenes" / f"{scene.name}.csv")
 
 
 def _write_scene(scene: BenchScene, path: Path) -> None:
+    if scene.readings is not None:
+        write_readings(scene.readings, path)
+        return
     n = len(scene.points)
     normal_sds = None if scene.normals is None else np.full(n, scene.normal_sd)
     sds = np.full(n, scene.sd)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,6 +10,8 @@ from tanteo.errors import InputError
 from tanteo.geometry import frozen_array
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
 from tanteo.parts import Part
+from tanteo.sensors import Readings, Rig
+from tanteo.sensors.presets import NoiseLaw
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,12 +20,14 @@ class BenchScene:
 
     Attributes:
         name: name of the scene.
-        points: noisy points of the surface ``(n, 3)`` [m].
+        points: noisy points of the surface, of ranges the places on the axes of the beams ``(n, 3)`` [m].
         sd: stated standard deviation of a coordinate [m].
         normals: sensed outward normals ``(n, 3)``, or None.
         normal_sd: stated standard deviation of each tilt [rad].
         truth: name of the true part; None for an unknown object.
         T_world_part: true pose ``(4, 4)``; None if unknown.
+        readings: ranges and free-space rays of sensors on a hand, of which the points are the hits; None for touches.
+        rig: sensors of the ranges; None for touches.
 
     Raises:
         InputError: shapes do not match, or numbers are not finite.
@@ -36,6 +40,8 @@ class BenchScene:
     normal_sd: float = float(np.pi)
     truth: str | None = None
     T_world_part: Transforms | None = None
+    readings: Readings | None = None
+    rig: Rig | None = None
 
     def __post_init__(self) -> None:
         points = frozen_array(self.points)
@@ -53,15 +59,50 @@ class BenchScene:
             object.__setattr__(self, "T_world_part", frozen_array(self.T_world_part))
 
     def first(self, count: int) -> BenchScene:
-        """Return the scene with its first readings only.
+        """Return the scene with its first readings only, and the free-space rays among them.
 
         Args:
-            count: number of readings.
+            count: number of readings that hit the part.
         """
         normals = None if self.normals is None else self.normals[:count]
-        return BenchScene(
-            self.name, self.points[:count], self.sd, normals, self.normal_sd, self.truth, self.T_world_part
+        readings = self.readings
+        if readings is not None:
+            readings = readings.take(np.cumsum(~readings.is_free) <= count)
+        return replace(self, points=self.points[:count], normals=normals, readings=readings)
+
+
+def range_scene(
+    name: str, readings: Readings, rig: Rig, truth: str | None = None, T_world_part: Transforms | None = None
+) -> BenchScene:
+    """Return the scene of ranges of sensors on a hand.
+
+    Args:
+        name: name of the scene.
+        readings: ranges and free-space rays with the hand's pose.
+        rig: sensors of the ranges.
+        truth: name of the true part; None for an unknown object.
+        T_world_part: true pose ``(4, 4)``; None if unknown.
+
+    Raises:
+        InputError: a sensor of the readings is not in the rig, or nothing was hit.
+    """
+    sensors = {sensor.name: sensor for sensor in rig.sensors}
+    hit = np.flatnonzero(~readings.is_free)
+    strange = [one for one in readings.sensors if one not in sensors]
+    if strange or not len(hit):
+        got = f"'{strange[0]}'" if strange else "no range"
+        raise InputError(f"scene {name!r}: expected ranges of {', '.join(sensors)}, got {got}. Correct the scene.")
+    mounts = np.array([sensors[readings.sensors[k]].T_hand_sensor for k in hit])
+    Ts = readings.Ts_world_hand[:][hit] @ mounts
+    points = Ts[:, :3, 3] + readings.ranges.values[:, None] * Ts[:, :3, 2]
+    sds = [
+        (sensor.preset.law if np.isnan(sensor.sd) and sensor.preset else NoiseLaw.of(sensor.sd, sensor.sd_prop)).sigma(
+            r
         )
+        for sensor, r in zip((sensors[readings.sensors[k]] for k in hit), readings.ranges.values, strict=True)
+    ]
+    sd = float(np.sqrt(np.mean(np.square(sds))))
+    return BenchScene(name, points, sd, truth=truth, T_world_part=T_world_part, readings=readings, rig=rig)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
