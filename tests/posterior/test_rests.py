@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 
 import tanteo
-from bare_scenes import no_paths, touches_of
+from bare_scenes import no_paths, surface_points, touches_of
 from tanteo import _core
+from tanteo.catalogue import known_stable_poses
 from tanteo.errors import InputError
-from tanteo.geometry import SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.io.poses import parse_table
 from tanteo.posterior import PosePrior, Priors, Problem, prepare
 from tanteo.posterior import Table as Plane
+from tanteo.posterior.part_search import start_search
+from tanteo.posterior.proposals import PriorSamples
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 UP, LEFT, BACK = np.eye(3)[[2, 0, 1]]
@@ -84,3 +87,22 @@ def test_a_plane_is_read_with_its_normal():
     for text in ("120,0,0mm -1,0 +- 0.1mm", "120,0,0mm -1,0,0", "120,0mm -1,0,0 +- 0.1mm", "1,0,0mm 1,0,0 +- 0mm"):
         with pytest.raises(InputError, match="rests"):
             parse_table(text, "rests")
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_poses_on_two_planes_of_a_fixture_are_proposed(seed):
+    """The bracket rests on the edges of both legs on one face of a V-block, and on its side on the other."""
+    prepared, rng = prepare(tanteo.read_part(PARTS / "bracket_left.step")), np.random.default_rng(seed)
+    part, (one, other) = prepared.part, np.array([[1, 0, 1], [-1, 0, 1]]) / np.sqrt(2)
+    ups = np.array([pose.T_table_part[2, :3] for pose in known_stable_poses(part)])
+    on_edges = ups[np.argmin(np.abs(ups @ part.planes.normals.T).max(axis=1) + np.abs(ups[:, 1]))]
+    frames = [np.stack([a, b, np.cross(a, b)], axis=1) for a, b in ((one, other), (on_edges, BACK))]
+    R = frames[0] @ frames[1].T
+    N = np.array([one, other, BACK])
+    t = np.linalg.solve(N, -(N @ R @ part.vertices.T).min(axis=1))
+    world = SE3.apply(SE3.from_parts(R, t), surface_points(prepared, 200, rng)[0])
+    points = world[(N @ world.T > 2e-3).all(axis=0)][:5] + 1e-4 * rng.normal(size=(5, 3))
+    priors = Priors(pose=PosePrior(rests=[Plane(np.zeros(3), n, 2e-4) for n in N]), radius=part.radius)
+    search = start_search(Problem(touches_of(points, 1e-4), no_paths(), priors), prepared, rng)
+    search.propose(PriorSamples())
+    np.testing.assert_allclose(search.peaks.Ts[0, :3, 3], t, atol=3e-3)

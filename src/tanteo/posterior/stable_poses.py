@@ -95,7 +95,7 @@ def log_flush(planes: Sequence[Table], part: Part) -> float:
     """
     if len(planes) < FLUSH:
         return 0.0
-    (first, p), (second, q) = (_directions(part) for _ in range(FLUSH))
+    first, p = second, q = upward_directions(part)
     one, other = planes[:FLUSH]
     between = float(np.arccos(np.clip(one.normal @ other.normal, -1, 1)))
     s = float(np.hypot(_tilt_sd(one, part), _tilt_sd(other, part)))
@@ -121,8 +121,12 @@ def log_flush(planes: Sequence[Table], part: Part) -> float:
     return float(np.log(1 - flush + flush * float(p @ (together @ q))))
 
 
-def _directions(part: Part) -> tuple[FloatArray, FloatArray]:
-    """Return the upward directions of the stable poses with their symmetric images ``(k, 3)``, and probabilities."""
+def upward_directions(part: Part) -> tuple[FloatArray, FloatArray]:
+    """Return the upward directions of the stable poses with their symmetric images ``(k, 3)``, and probabilities.
+
+    Args:
+        part: the part; directions on one circle about an axis of revolution count once.
+    """
     rests = known_stable_poses(part)
     ups = [_images(part, rest.T_table_part[2, :3]) for rest in rests]
     shares = [np.full(len(own), rest.probability / len(own)) for own, rest in zip(ups, rests, strict=True)]

@@ -26,6 +26,7 @@ from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals.proposer import BITS, InitialPoses, Proposer, SearchState
 from tanteo.posterior.sampling.peaks import Objective, Peaks, pair_tilt, prior_sds, scores_of
 from tanteo.posterior.settings import POSE_DOF
+from tanteo.posterior.stable_poses import upward_directions
 
 
 @final
@@ -127,6 +128,9 @@ def _best(objective: Objective, Ts: Transforms, count: int) -> Transforms:
 _PLACED = 8
 """Numerical: samples with a point on the surface over those of the prior alone; one of them costs a microsecond."""
 
+_FITTING = 0.02
+"""Numerical: difference of the cosines of the angles of two stable poses and of two planes within which both fit."""
+
 _FACING = 6
 """Numerical: places of the surface from which the one that faces the approach of a point is taken."""
 
@@ -165,8 +169,8 @@ def _attitudes(
 ) -> tuple[FloatArray, Vectors, FloatArray] | None:
     """Return attitudes of the prior ``(n, 3, 3)``, with mean and information of the position at each; None without one.
 
-    A table alone leaves the attitude open: half of the attitudes put a face on it, the others are uniform. Of planes of
-    a fixture the second also gets a face in half of these.
+    A table alone leaves the attitude open: half of the attitudes are stable poses on it, the others are uniform. Of the
+    stable poses half also rest on the second plane of a fixture.
     """
     known, pose = problem.mixture(prepared), problem.priors.pose
     planes = () if pose is None else pose.planes
@@ -175,8 +179,7 @@ def _attitudes(
     middle: Vectors = np.zeros((n, 3))
     information: FloatArray = np.zeros((n, 3, 3))
     if known is None:
-        down = planes[0].normal
-        R = SO3.exp(rng.uniform(-np.pi, np.pi, size=(n, 1)) * down) @ _resting(prepared.part, planes, n, rng)
+        R = _resting(prepared.part, planes, n, rng)
     else:
         weights = np.exp(known.log_weights - known.log_weights.max())
         rows = rng.choice(len(weights), size=n, p=weights / weights.sum())
@@ -205,25 +208,26 @@ def _attitudes(
 
 
 def _resting(part: Part, planes: Sequence[Table], n: int, rng: np.random.Generator) -> FloatArray:
-    """Return attitudes ``(n, 3, 3)``: half with a flat face on the first plane, by area, half uniform (Shoemake 1992).
+    """Return attitudes ``(n, 3, 3)``: half in a stable pose on the first plane, half uniform (Shoemake 1992).
 
-    Half of the first half are turned about the normal of the first plane until a face is nearest to the second plane.
+    Half of the first half are turned about the normal of the first plane until they also rest on the second plane.
     """
     q = rng.normal(size=(n, 4))
     R = np.array(SO3.from_quaternion(q / np.linalg.norm(q, axis=1, keepdims=True)))
-    if not len(part.planes):
-        return R
-    areas, normal = part.planes.areas, planes[0].normal
-    down = part.planes.normals[rng.choice(len(areas), size=n // 2, p=areas / areas.sum())]
-    there = np.einsum("nij,nj->ni", R[: n // 2], down)
-    axis, cosine = np.cross(there, -normal), -there @ normal
+    (ups, p), normal, half = upward_directions(part), planes[0].normal, n // 2
+    first = rng.choice(len(ups), size=half, p=p / p.sum())
+    there = np.einsum("nij,nj->ni", R[:half], ups[first])
+    axis, cosine = np.cross(there, normal), there @ normal
     sine = np.linalg.norm(axis, axis=1)
     axis = np.where(sine[:, None] > 1e-9, axis / np.maximum(sine, 1e-9)[:, None], np.linalg.svd(normal[None])[2][1])
-    R[: n // 2] = SO3.exp(np.arctan2(sine, cosine)[:, None] * axis) @ R[: n // 2]
+    R[:half] = SO3.exp(np.arctan2(sine, cosine)[:, None] * axis) @ R[:half]
     if len(planes) > 1:
-        rows = slice(0, n // 4)
-        side = part.planes.normals[rng.choice(len(areas), size=n // 4, p=areas / areas.sum())]
-        there, wanted = np.einsum("nij,nj->ni", R[rows], side), -planes[1].normal
+        rows, wanted = slice(0, half // 2), planes[1].normal
+        fit = np.exp(-0.5 * ((ups @ ups.T - wanted @ normal) / _FITTING) ** 2) + np.finfo(float).tiny
+        # directions of a part of revolution are circles, of which some point is at the right angle
+        weights = np.cumsum(p * (fit if part.symmetry.axis is None else np.ones_like(fit)), axis=1)[first[rows]]
+        second = np.argmax(weights > rng.random((len(weights), 1)) * weights[:, -1:], axis=1)
+        there = np.einsum("nij,nj->ni", R[rows], ups[second])
         u = wanted - (wanted @ normal) * normal
         v = np.cross(normal, u)
         turn = -np.arctan2(there @ v, there @ u)
