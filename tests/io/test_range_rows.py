@@ -96,6 +96,17 @@ def test_statuses_of_a_single_beam_decide(tmp_path):
     np.testing.assert_allclose(readings.ranges.filled(0), [0.142, 0, 0.143])
 
 
+@pytest.mark.parametrize("header", ["actual (mm),measured (mm)", "true_mm,reading_mm", "distance_mm,range_mm"])
+def test_a_known_distance_beside_a_range(tmp_path, header):
+    readings = read(tmp_path, f"{header}\n140,142\n160,163\n", SINGLE, hand=HAND)
+    np.testing.assert_allclose(readings.ranges[:], [0.142, 0.163])
+    np.testing.assert_allclose(readings.true_distances[:], [0.14, 0.16])
+    scaled = header.replace("mm", "cm")
+    readings = read(tmp_path, f"{scaled}\n14,14.2\n16,16.3\n", SINGLE, hand=HAND)
+    np.testing.assert_allclose(readings.ranges[:], [0.142, 0.163])
+    np.testing.assert_allclose(readings.true_distances[:], [0.14, 0.16])
+
+
 def test_printed_messages_of_ros_are_in_metres(tmp_path):
     header = "header:\n  stamp:\n    sec: {k}\n  frame_id: tof\n"
     message = header + "radiation_type: 1\nfield_of_view: 0.4\nmax_range: 2.0\nrange: {d}\n---\n"

@@ -30,6 +30,8 @@ LENGTHS = (
     "x", "y", "z", "radius", "sd", "across_sd", "range", "true_distance", "max", "hand_x", "hand_y", "hand_z",
     "hole_radius", "hole_diameter",
 )  # fmt: skip
+_RANGES = ("range", "true_distance", "max")
+"""Lengths that may be in centimetres, as ultrasonic sensors report them."""
 PLAIN = ("dx", "dy", "dz", "nx", "ny", "nz", "i", "j", "k", *HAND_PLAIN)
 TEXTS = ("id", "feature", "kind", "sensor", "status", "side", "group")
 
@@ -201,6 +203,8 @@ def _read_name(name: str, written: str, place: str, unit: str | None, *, clear: 
     if name in PLAIN:
         return Column(name, written, 1.0)
     written, (base, _, own) = written[:60], name.rpartition("_")
+    if base in _RANGES and own == "cm":
+        return Column(base, written, 1e-2)
     for bases, units in ((LENGTHS, LENGTH_UNITS), (ANGLES, ANGLE_UNITS)):
         if base in bases and own in units:
             return Column(base, written, units[own])

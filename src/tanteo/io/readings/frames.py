@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from tanteo.errors import ReadingsError, UnitError
 from tanteo.io.logs.tof import LEAST_CONFIDENCE
 from tanteo.io.readings.headers import canonical
-from tanteo.io.readings.range_rows import CENTIMETRE, RangeRows, find_rows, scaled, status_of
+from tanteo.io.readings.range_rows import RangeRows, find_rows, status_of
 from tanteo.io.readings.units import LENGTH_UNITS
 
 if TYPE_CHECKING:
@@ -52,7 +52,6 @@ class Frames:
         statuses: index of the status column of each zone; empty if there are none.
         confidences: index of the confidence column of each zone; empty if there are none.
         sensors: sensor of each zone.
-        scale: factor from the file's ranges to the unit in the header; 1 for none.
         shown: range columns as messages name them.
         notes: sentences about assumptions and ignored columns.
     """
@@ -63,7 +62,6 @@ class Frames:
     statuses: tuple[int, ...]
     confidences: tuple[int, ...]
     sensors: tuple[str, ...]
-    scale: float
     shown: str
     notes: tuple[str, ...]
 
@@ -81,7 +79,7 @@ class Frames:
             shared = [frame[k] for k in self.kept]
             for i, k in enumerate(self.zones):
                 status = self._status(frame, i)
-                yield [*shared, self.sensors[i], "" if status else scaled(frame[k], self.scale), status]
+                yield [*shared, self.sensors[i], "" if status else frame[k], status]
 
     def _status(self, frame: list[str], zone: int) -> str:
         """Return the status of a zone: none, invalid, or empty where its range decides."""
@@ -144,8 +142,8 @@ def find_frames(header: Sequence[str], place: str, stated: Stated) -> Frames | R
     notes = [f"Columns {header[runs[0]]} .. {header[runs[-1]]} are not used." for _, runs in ignored]
     unit = _unit([header[k] for k in zones], place, stated, shown, notes)
     return Frames(
-        (*(header[k] for k in kept), "sensor", f"range_{'mm' if unit == 'cm' else unit}", "status"), tuple(kept),
-        tuple(zones), tuple(statuses), tuple(confidences), tuple(sensors), CENTIMETRE if unit == "cm" else 1.0, shown,
+        (*(header[k] for k in kept), "sensor", f"range_{unit}", "status"), tuple(kept),
+        tuple(zones), tuple(statuses), tuple(confidences), tuple(sensors), shown,
         tuple(notes),
     )  # fmt: skip
 

@@ -36,8 +36,9 @@ _RTDE = re.compile(r"(?:actual_)?tcp_pose_(\d)")
 _RTDE_FIELDS = ("hand_x_m", "hand_y_m", "hand_z_m", "hand_rx_rad", "hand_ry_rad", "hand_rz_rad")
 _OF_MESSAGES = {"field_of_view", "radiation_type"}
 """Fields that only ``sensor_msgs/Range`` has."""
-CENTIMETRE = 10.0
-"""Millimetres per centimetre."""
+_MEASURED = ("measured", "measurement", "reading", "sensor_reading", "raw", "measured_distance", "sensor")
+_KNOWN = ("actual", "actual_distance", "true", "real", "real_distance", "reference", "ground_truth", "known", "nominal")
+"""Names of the reported and of the known distance beside each other."""
 
 
 def range_header(header: Sequence[str], stated: Stated) -> list[str]:
@@ -64,6 +65,20 @@ def range_header(header: Sequence[str], stated: Stated) -> list[str]:
     if sorted(rtde) == list(range(len(_RTDE_FIELDS))):
         for field, k in rtde.items():
             out[k] = _RTDE_FIELDS[field]
+    return _beside(out) if "range" not in bases else out
+
+
+def _beside(header: list[str]) -> list[str]:
+    """Return the header with a measured and an actual distance named as range and true distance."""
+    parts = [re.findall(r"[a-z]+", cell.lower()) for cell in header]
+    units = [words[-1] if words and words[-1] in (*LENGTH_UNITS, "cm") else "" for words in parts]
+    bases = ["_".join(words[: len(words) - bool(unit)]) for words, unit in zip(parts, units, strict=True)]
+    found = [[k for k, base in enumerate(bases) if base in known] for known in (_MEASURED, _KNOWN)]
+    if any(len(rows) != 1 for rows in found):
+        return header
+    out = list(header)
+    for (k,), name in zip(found, ("range", "true_distance"), strict=True):
+        out[k] = f"{name}_{units[k]}".rstrip("_")
     return out
 
 
@@ -80,7 +95,6 @@ class RangeRows:
         grid: numbers of rows and columns of the device; (0, 0) without zones.
         sensor: only sensor of the rig, or name of the device with zones; empty where a column names the sensor.
         named: index of the column of the sensor; None if there is none.
-        scale: factor from the file's ranges to the unit in the header; 1 for none.
         shown: range column as messages name it.
         notes: sentences about assumptions.
     """
@@ -93,7 +107,6 @@ class RangeRows:
     grid: tuple[int, int]
     sensor: str
     named: int | None
-    scale: float
     shown: str
     notes: tuple[str, ...]
 
@@ -118,7 +131,7 @@ class RangeRows:
             status = "" if self.status is None else status_of(row[self.status], zones=bool(self.place))
             if not cell.strip() and not status:
                 status = "invalid"
-            own = scaled(cell, self.scale) if status in ("", "ok") else ""
+            own = cell if status in ("", "ok") else ""
             yield [*(row[k] for k in self.kept), self._sensor(row, first), own, status]
 
     def _sensor(self, row: list[str], first: int | None) -> str:
@@ -173,12 +186,11 @@ def find_rows(header: Sequence[str], place: str, stated: Stated, grids: dict[str
     if unit == "" and stated.units is None:
         notes.append(f"Column {header[k]} is taken as mm; use --units m if it is metres.")
     used = {k, *numbered} | ({status} if status is not None else set()) | ({named} if named is not None else set())
-    written = {"cm": "mm", "": stated.units or "mm"}.get(unit, unit)
+    written = unit or stated.units or "mm"
     kept = tuple(i for i in range(len(names)) if i not in used)
     named_so = (*(header[i] for i in kept), "sensor", f"range_{written}", "status")
     return RangeRows(
-        named_so, kept, (k,), status, numbered, grid, sensor, named, CENTIMETRE if unit == "cm" else 1.0, header[k],
-        tuple(notes),
+        named_so, kept, (k,), status, numbered, grid, sensor, named, header[k], tuple(notes),
     )  # fmt: skip
 
 
@@ -190,22 +202,6 @@ def _device(cell: str, place: str, stated: Stated, grids: dict[str, tuple[int, i
         advice = "Name it with --device." if grids else "Use --rig FILE with zones and field_deg."
         raise ReadingsError(f"{place}: expected one device with zones for the column '{cell}', got {have}. {advice}")
     return name, grids[name]
-
-
-def scaled(cell: str, scale: float) -> str:
-    """Return the cell of a range in the unit of its header; codes of zero and below stay as written.
-
-    Args:
-        cell: cell as written.
-        scale: factor to the unit of the header.
-    """
-    if scale == 1.0:
-        return cell
-    try:
-        value = float(cell)
-    except ValueError:
-        return cell
-    return f"{value * scale:.12g}" if value > 0 else cell
 
 
 def status_of(cell: str, *, zones: bool) -> str:
