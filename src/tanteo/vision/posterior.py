@@ -77,25 +77,68 @@ def levelled(
         lying: prior of the pose on a table; any pose if not given.
     """
     images, problem, searches = searched(images, proposals, priors, lying)
-    found = weigh(problem, searches, np.zeros(len(searches)), -np.inf, np.random.default_rng(_SEED))
-    return corrected(images, found, lying, 0.0)
+    return settled(images, problem, searches, lying)[0]
+
+
+def settled(
+    images: Sequence[ImageEdges],
+    problem: Problem,
+    searches: Sequence[PartSearch],
+    lying: OnTable | None = None,
+    *,
+    prior: float = 0.0,
+    anywhere: float = -np.inf,
+    log_left_out: float = -np.inf,
+) -> tuple[tuple[ImageEdges, ...], Posterior]:
+    """Return images with corrected constants, and their posterior, sampled until no correction decides.
+
+    The samples may find a pose beside a maximum at which more edges match exactly. With the constant of the maximum it
+    would have nearly all of the probability, and other parts would be dropped.
+
+    Args:
+        images: edges of images of the object, with the constants of a search.
+        problem: the images and the prior of the pose.
+        searches: searches of the parts.
+        lying: prior of the pose on a table; any pose if not given.
+        prior: log prior probability of each part.
+        anywhere: log evidence of an unknown object, its prior included.
+        log_left_out: log evidence of the excluded parts, their prior included.
+    """
+    priors = np.full(len(searches), prior)
+    for _ in searches:
+        rng = np.random.default_rng(_SEED)
+        found = weigh(problem, searches, priors, anywhere, rng, log_left_out=log_left_out)
+        images, most = corrected(images, found, lying, prior)
+        if most < DEFAULTS.search.negligible:
+            break
+        problem = replace(problem, pose_factors=(*images, *(() if lying is None else (lying,))))
+        starts = [
+            (part, np.stack([*one.peaks.Ts, *(mode.T_peak for mode in found.modes if mode.prepared is part)]))
+            for one in searches
+            for part in (one.objective.prepared,)
+        ]
+        searches = search_about(problem, starts, np.random.default_rng(_SEED))
+    return tuple(images), found
 
 
 def corrected(
     images: Sequence[ImageEdges], found: Posterior, lying: OnTable | None, prior: float
-) -> tuple[ImageEdges, ...]:
+) -> tuple[tuple[ImageEdges, ...], float]:
     """Return images whose constants make the integral about each pose equal to the density that edges are there.
 
     The constants of a search are those of a normal density about each maximum; the difference to the integral by
-    samples is added to them.
+    samples is added to them. A mode that is near none of their poses becomes a further one.
 
     Args:
         images: edges of images of the object.
         found: the posterior of the images alone.
         lying: prior of the pose on a table; any pose if not given.
         prior: log prior probability of each part.
+
+    Returns:
+        The images, and the largest correction [nats].
     """
-    levels = dict(images[0].levels or {})
+    levels, most = dict(images[0].levels or {}), 0.0
     for part in dict.fromkeys(mode.prepared.part for mode in found.modes):
         own = [mode for mode in found.modes if mode.prepared.part is part]
         Ts, zs = np.stack([mode.T_peak for mode in own]), np.stack([mode.z for mode in own])
@@ -105,10 +148,16 @@ def corrected(
         constants = np.array(constants)
         for members in _near(part, Ts, wanted):
             mass = float(log_sum([own[k].log_mass for k in members])) - prior
-            near = [k for k, T in enumerate(at) if _are_near(part, Ts[members[0]], T)]
-            constants[near] += mass - wanted[members[0]]
+            more, best = mass - wanted[members[0]], members[0]
+            near = [k for k, T in enumerate(at) if _are_near(part, Ts[best], T)]
+            constants[near] += more
+            if not near:
+                taken = float(first.there[best] + first.located[best] - first.log[best])
+                further = _images(part, Ts[best][None], np.array([taken + more]))
+                at, constants = np.concatenate([at, further[0]]), np.append(constants, further[1])
+            most = max(most, more)
         levels[part] = at, constants
-    return replace(images[0], levels=levels), *images[1:]
+    return (replace(images[0], levels=levels), *images[1:]), most
 
 
 def searched(
@@ -220,9 +269,9 @@ def infer(
     anywhere = float(np.log(problem.priors.unknown)) + unknown
     least = float(log_sum([anywhere, *evidence])) + float(np.log(DEFAULTS.samples.region))
     likely = [s for s, own in zip(searches, evidence, strict=True) if own > least or own == evidence.max()]
-    found = weigh(
-        problem, likely, np.full(len(likely), prior), anywhere,
-        np.random.default_rng(_SEED), log_left_out=log_left_out(evidence, unknown + known),
+    images, found = settled(
+        images, problem, likely, lying,
+        prior=prior, anywhere=anywhere, log_left_out=log_left_out(evidence, unknown + known),
     )  # fmt: skip
     modes, log_evidence = _weighed(images, found, lying, prior)
     log_left = float(np.log(found.unsearched)) + found.log_evidence if found.unsearched else -np.inf
@@ -231,7 +280,7 @@ def infer(
     # if none of the poses holds, the object is unknown, or the proposals missed the true pose
     strange = problem.priors.unknown / (problem.priors.unknown + (1 - problem.priors.unknown) * EVIDENCE.missed)
     log_known = float(log_sum([mode.log_mass for mode in modes])) - known
-    first, *others = corrected(images, found, lying, prior)
+    first, *others = images
     proposed = {part: at for part, (at, _) in (first.levels or {}).items()}
     return ImagePosterior(
         modes, strange * (none - left) + left, left, left_out, unknown, log_known,
