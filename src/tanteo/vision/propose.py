@@ -17,7 +17,7 @@ from tanteo.geometry.typing import FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera, meet_plane, rays
 from tanteo.vision.edges import EdgeMap, map_edges
 from tanteo.vision.models import VisionModel
-from tanteo.vision.regions import Region, dilated, hulls
+from tanteo.vision.regions import Region, surroundings
 from tanteo.vision.settings import EDGES, EVIDENCE, SEARCH
 
 
@@ -92,12 +92,11 @@ def slides(region: Region, camera: Camera) -> Slides:
         region: region of an object.
         camera: camera of the image.
     """
-    # faces that look like the table may be in no region
-    margin = 2 * int(EVIDENCE.stretch)
-    near = dilated(hulls([region]), margin)
-    (low, high), (rows, columns) = (np.array(region.box).reshape(2, 2).T), near.shape
-    (x0, y0), (x1, y1) = np.maximum(low - margin, 0), np.minimum(high + margin, [columns - 1, rows - 1])
-    x, y = np.meshgrid(np.arange(x0, x1 + 1, _step()), np.arange(y0, y1 + 1, _step()))
+    near = surroundings(region)
+    rows, columns = np.nonzero(near)
+    x, y = np.meshgrid(
+        np.arange(columns.min(), columns.max() + 1, _step()), np.arange(rows.min(), rows.max() + 1, _step())
+    )
     on = near[y, x]
     pixels = np.stack([x[on], y[on]], axis=-1).astype(np.float64)
     middle = int(np.argmin(np.linalg.norm(pixels - region.centre, axis=1))) if len(pixels) else 0

@@ -174,6 +174,14 @@ def hulls(regions: Sequence[Region]) -> BoolArray:
     return covered.view(np.bool_)
 
 
+def surroundings(region: Region) -> BoolArray:
+    """Return the pixels at which parts of a region are proposed ``(rows, columns)``: its convex hull and a margin.
+
+    Faces that look like the table may be in no region.
+    """
+    return dilated(hulls([region]), 2 * EVIDENCE.stretch)
+
+
 def dilated(mask: BoolArray, reach: float = EVIDENCE.reach) -> BoolArray:
     """Return the pixels within a reach [px] of a mask ``(rows, columns)``; within that of edges if not given."""
     side = 2 * int(np.ceil(reach)) + 1

@@ -155,7 +155,7 @@ class SearchSettings:
         rim_samples: least number of samples of the rim of a hole or boss. Decision 73.
         sharp: angle between two faces from which their edge may be visible. Two segments that meet at more make a
             corner, two that meet at less may be one line [rad].
-        yaws: number of yaws at which a part is tried. Decision 37.
+        yaws: number of yaws at which a part is tried. ``benchmarks/photographs.py cluttered``.
         tried: number of poses of a part that are refined on few samples.
         kept: number of poses of a part that are refined to the end; three times as many of all parts on a table.
         rounds: number of rounds of a robust fit whose reach shrinks.
@@ -175,7 +175,7 @@ class SearchSettings:
     coarse: int = 80
     rim_samples: int = 12
     sharp: float = float(np.pi / 15)
-    yaws: int = 72
+    yaws: int = 108
     tried: int = 240
     kept: int = 48
     rounds: int = 11

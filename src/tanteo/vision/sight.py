@@ -27,7 +27,7 @@ from tanteo.vision.models import VisionModel, prepare_vision
 from tanteo.vision.outlines import check_size, narrowed, seen_outline
 from tanteo.vision.posterior import ImagePosterior, infer
 from tanteo.vision.propose import edge_costs
-from tanteo.vision.regions import Region, dilated, find_regions, hulls, silhouette
+from tanteo.vision.regions import Region, dilated, find_regions, hulls, silhouette, surroundings
 from tanteo.vision.rims import name_ellipses
 from tanteo.vision.settings import EDGES, EVIDENCE
 from tanteo.vision.shots import Shot, image_candidates, same_objects
@@ -236,7 +236,9 @@ def shot_of(view: View, parts: Sequence[Any], T_world_table: Transforms, errors:
 
 
 def _alone(regions: Sequence[Region], points: EdgePoints, chance: FloatArray) -> tuple[Region, ...]:
-    """Return the regions without those of few rare edges inside the outline of a larger one, which proposes for them.
+    """Return the regions with enough rare edges for an object, their own or those around them, and the largest.
+
+    A larger region around one of few own edges proposes for it. Texture makes regions without any.
 
     Args:
         regions: regions of the image, largest first.
@@ -245,8 +247,11 @@ def _alone(regions: Sequence[Region], points: EdgePoints, chance: FloatArray) ->
     """
     kept: list[Region] = []
     for region in regions:
-        rare = edge_information(points, chance, dilated(region.mask)) >= EVIDENCE.least_object
-        if rare or not kept or not np.all(hulls(kept)[region.mask]):
+        own, around = (
+            edge_information(points, chance, mask) >= EVIDENCE.least_object
+            for mask in (dilated(region.mask), surroundings(region))
+        )
+        if own or not kept or (around and not np.all(hulls(kept)[region.mask])):
             kept.append(region)
     return tuple(kept)
 
