@@ -12,14 +12,14 @@ from scipy.stats import chi2
 from tanteo import part_from_mesh
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.posterior import OnTable, Priors, sized
+from tanteo.posterior import OnTable, Priors, prepare, search_about, sized, weigh
 from tanteo.vision import View, prepare_vision, see_table, view_factors
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.camera import project
 from tanteo.vision.edges import map_edges
 from tanteo.vision.fit import meet
 from tanteo.vision.image_edges import ImageEdges, Weights, standing, sums_of
-from tanteo.vision.posterior import infer, searched
+from tanteo.vision.posterior import infer, searched, settled
 from tanteo.vision.settings import EVIDENCE
 from tanteo.vision.table import TableErrors
 from vision_scenes import PARTS, bracket, seen_alone
@@ -212,3 +212,20 @@ def test_poses_that_symmetry_makes_the_same_have_one_constant(name):
     levels = np.array(found)
     assert np.ptp(levels) > 1  # not all poses have the same
     np.testing.assert_allclose(levels, np.broadcast_to(levels[:, :1], levels.shape), atol=1e-6)
+
+
+def test_a_wrong_constant_of_one_part_does_not_drop_the_others(seen):
+    model, camera, points, T = seen
+    other = prepare_vision(read_part(PARTS / "bracket_right.step"))
+    edges = ImageEdges(camera, map_edges(points), np.array([0.05]))
+    start = [(one.part, (standing(camera) @ T)[None]) for one in (model, other)]
+    (image,), problem, searches = searched((edges,), start, sized(Priors(), model.part.radius), LYING)
+    at, constants = image.levels[other.part]
+    image = replace(image, levels={**image.levels, other.part: (at, constants - 80.0)})
+    problem = replace(problem, pose_factors=(image, LYING))
+    starts = [(prepare(part), Ts) for part, Ts in start]
+    searches = search_about(problem, starts, np.random.default_rng(0))
+    once = weigh(problem, searches, np.zeros(2), 0.0, np.random.default_rng(0))
+    assert [mode.prepared.part for mode in once.modes] == [other.part]
+    _, found = settled((image,), problem, searches, LYING)
+    assert found.modes[0].prepared.part is model.part

@@ -16,13 +16,14 @@ from tanteo.parts import read_part
 from tanteo.posterior import Priors
 from tanteo.render import draw_sight
 from tanteo.render.image_picture import FOUND
-from tanteo.vision import Camera, find_edges, prepare_vision, see_table
+from tanteo.vision import Camera, View, find_edges, prepare_vision, see_table
 from tanteo.vision.answers import deciding_touch, heights, judged
 from tanteo.vision.edges import map_edges
 from tanteo.vision.fit import meet, refine
 from tanteo.vision.posterior import ImagePosterior
 from tanteo.vision.regions import find_regions
 from tanteo.vision.rendering import Appearance, Stage, render, rendered_part
+from tanteo.vision.sight import shot_of
 from tanteo.vision.solid import see_anywhere
 from tanteo.vision.table import TableErrors
 from tanteo.words import message_of
@@ -282,3 +283,14 @@ def test_a_part_is_proposed_beyond_what_differs_from_the_table():
     best = sight.objects[0].answer.hypotheses[0]
     assert best.part == "square_post"
     assert SE3.apply(best.T_world_part, post.part.centroid) == pytest.approx(SE3.apply(T, post.part.centroid), abs=1e-3)
+
+
+def test_regions_around_which_no_edge_is_rare_are_not_searched(models):
+    model, camera = models[0], table_camera()
+    stage = Stage(camera, [rendered_part(model.part, lay_down(model, 0, 0.02, 0.01, 0.6), 120)])
+    image, _ = render(stage, np.random.default_rng(2))
+    y, x = np.mgrid[: image.shape[0], : image.shape[1]]
+    stains = sum(np.exp(-0.5 * ((x - at) ** 2 + (y - 60) ** 2) / 30**2) for at in (80, 240, 560))
+    image = np.rint(image - 30 * stains)
+    assert len(find_regions(image, find_edges(image))) == 4
+    assert len(shot_of(View(image, camera), models, np.eye(4), TableErrors()).regions) == 1
