@@ -19,7 +19,7 @@ from tanteo.vision.camera import project
 from tanteo.vision.edges import map_edges
 from tanteo.vision.fit import meet
 from tanteo.vision.image_edges import ImageEdges, Weights, standing, sums_of
-from tanteo.vision.posterior import infer, searched, settled
+from tanteo.vision.posterior import infer, resampled, searched
 from tanteo.vision.settings import EVIDENCE
 from tanteo.vision.table import TableErrors
 from vision_scenes import PARTS, bracket, seen_alone
@@ -227,5 +227,5 @@ def test_a_wrong_constant_of_one_part_does_not_drop_the_others(seen):
     searches = search_about(problem, starts, np.random.default_rng(0))
     once = weigh(problem, searches, np.zeros(2), 0.0, np.random.default_rng(0))
     assert [mode.prepared.part for mode in once.modes] == [other.part]
-    _, found = settled((image,), problem, searches, LYING)
+    _, found = resampled((image,), problem, searches, LYING)
     assert found.modes[0].prepared.part is model.part

@@ -285,7 +285,7 @@ def test_a_part_is_proposed_beyond_what_differs_from_the_table():
     assert SE3.apply(best.T_world_part, post.part.centroid) == pytest.approx(SE3.apply(T, post.part.centroid), abs=1e-3)
 
 
-def test_regions_around_which_no_edge_is_rare_are_not_searched(models):
+def test_regions_beside_which_no_edge_is_rare_are_not_searched(models):
     model, camera = models[0], table_camera()
     stage = Stage(camera, [rendered_part(model.part, lay_down(model, 0, 0.02, 0.01, 0.6), 120)])
     image, _ = render(stage, np.random.default_rng(2))

@@ -77,10 +77,10 @@ def levelled(
         lying: prior of the pose on a table; any pose if not given.
     """
     images, problem, searches = searched(images, proposals, priors, lying)
-    return settled(images, problem, searches, lying)[0]
+    return resampled(images, problem, searches, lying)[0]
 
 
-def settled(
+def resampled(
     images: Sequence[ImageEdges],
     problem: Problem,
     searches: Sequence[PartSearch],
@@ -269,7 +269,7 @@ def infer(
     anywhere = float(np.log(problem.priors.unknown)) + unknown
     least = float(log_sum([anywhere, *evidence])) + float(np.log(DEFAULTS.samples.region))
     likely = [s for s, own in zip(searches, evidence, strict=True) if own > least or own == evidence.max()]
-    images, found = settled(
+    images, found = resampled(
         images, problem, likely, lying,
         prior=prior, anywhere=anywhere, log_left_out=log_left_out(evidence, unknown + known),
     )  # fmt: skip

@@ -236,9 +236,9 @@ def shot_of(view: View, parts: Sequence[Any], T_world_table: Transforms, errors:
 
 
 def _alone(regions: Sequence[Region], points: EdgePoints, chance: FloatArray) -> tuple[Region, ...]:
-    """Return the regions with enough rare edges for an object, their own or those around them, and the largest.
+    """Return the regions with enough rare edges for an object, their own or those beside them, and the largest.
 
-    A larger region around one of few own edges proposes for it. Texture makes regions without any.
+    A larger region beside one of few own edges proposes for it. Texture makes regions without any.
 
     Args:
         regions: regions of the image, largest first.
@@ -247,11 +247,11 @@ def _alone(regions: Sequence[Region], points: EdgePoints, chance: FloatArray) ->
     """
     kept: list[Region] = []
     for region in regions:
-        own, around = (
+        own, beside = (
             edge_information(points, chance, mask) >= EVIDENCE.least_object
             for mask in (dilated(region.mask), surroundings(region))
         )
-        if own or not kept or (around and not np.all(hulls(kept)[region.mask])):
+        if own or not kept or (beside and not np.all(hulls(kept)[region.mask])):
             kept.append(region)
     return tuple(kept)
 
