@@ -235,7 +235,7 @@ def test_without_the_kernel_the_pip_command_is_named(monkeypatch):
     for module in ("tanteo.parts.readers.step", "tanteo.parts.readers.exchange"):
         monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "OCP.STEPControl", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'tanteo\[step\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install -e '\.\[step\]'"):
         read_part(EXAMPLES / "block.step")
 
 

@@ -267,7 +267,7 @@ def test_badly_fitting_edges_are_reported(anywhere, p_value, rejected):
 
 def test_without_opencv_the_message_names_the_package(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "cv2", None)
-    with pytest.raises(MissingExtraError, match=r"tanteo\[vision\]"):
+    with pytest.raises(MissingExtraError, match=r"pip install -e '\.\[vision\]'"):
         find_edges(np.zeros((40, 40)))
 
 
