@@ -6,6 +6,7 @@ smooth closed shapes of 16,000 triangles, drawn by spherical waves. Ratio: media
 
 ``history`` appends the rows to ``benchmarks/history.csv``: the median over the time of a fixed task of NumPy in the
 same process, so that computers of different speed compare. ``ratios`` prints the same lines, as CI does for a fast row.
+``scores POINTS SCENES SEED`` prints how right the probabilities of few points are.
 """
 
 from __future__ import annotations
@@ -230,6 +231,28 @@ def spread_of_seeds(scenes=8, seeds=5):
     return Table("Rounds of samples where points are too few", text, ("rounds", "sd over seeds", "ms, median"), lines)
 
 
+def scores(n, count, seed):
+    """Return the table of how right the probabilities of few points on six parts are, over fresh scenes."""
+    parts, found, ms = demo()[:6], [], []
+    for k in range(count):
+        rng, own = np.random.default_rng((k, n, seed)), parts[k % len(parts)]
+        readings = tanteo.Readings.from_columns(points=touches(own, rng, n, 3e-4)[0], sds=np.full(n, 3e-4))
+        start = time.process_time()
+        shares = dict(tanteo.identify(readings, parts, seed=k).parts)
+        ms.append(1e3 * (time.process_time() - start))
+        best = max(shares, key=shares.get, default="")
+        found.append((np.log(max(shares.get(own.name, 0.0), 1e-3)), shares.get(best, 0.0), best == own.name))
+    score, claimed, right = np.mean(found, axis=0)
+    line = f"{score:.2f} +- {np.std([one[0] for one in found]) / np.sqrt(count):.2f}", f"{claimed:.3f}", f"{right:.3f}"
+    text = f"{n} points, {count} scenes, seed {seed}. Log score: mean log probability of the true part, at least 0.001."
+    return Table(
+        "Probabilities of few points",
+        text,
+        ("log score", "claimed", "right", "ms, mean"),
+        [(*line, f"{np.mean(ms):.0f}")],
+    )
+
+
 def main():
     """Print the table of the rows that the arguments name."""
     words = [word for word in sys.argv[1:] if word not in ("seeds", "history", "ratios")]
@@ -263,5 +286,7 @@ if __name__ == "__main__":
         assert os.environ.get(pool) == "1", f"{pool}: expected 1, so that processor time is that of one thread."
     if sys.argv[1:2] == ["first"]:
         first(int(sys.argv[2]))
+    elif sys.argv[1:2] == ["scores"]:
+        print(scores(*map(int, sys.argv[2:5])).markdown())
     else:
         main()

@@ -80,16 +80,17 @@ def modes_of(sampler: Sampler, least: float = -np.inf) -> list[Mode]:
     together = with_common_samples(sampler) & sampled & sampled[:, None]
     inside = _inside(sampler)
     together |= inside & sampled & sampled[:, None]
-    together |= _in_one_valley(sampler, np.flatnonzero(sampled))
+    together |= _in_one_valley(sampler, np.flatnonzero(sampled), together)
     top, out = float(sampler.log_weights.max()), []
+    curved = from_centre(sampler.objective, sampler.objective.of_pose(sampler.peaks.information))
     for rows in groups_of(together):
         if not sampled[rows].any():
             continue
         log_mass = float(mass[rows[0]]) if len(rows) == 1 else float(np.log(sums[rows].sum())) + top
-        out.append(_mode(sampler, rows, W) if log_mass > least else _by_curvature(sampler, rows, log_mass))
+        out.append(_mode(sampler, rows, W) if log_mass > least else _by_curvature(sampler, rows, log_mass, curved))
     apart = ~sampled & ~inside[sampled].any(axis=0)  # maxima in a sampled region are part of that mode
     masses = sampler.peaks.evidence + sampler.log_constant
-    return out + [_by_curvature(sampler, k, float(masses[k[0]])) for k in np.flatnonzero(apart)[:, None]]
+    return out + [_by_curvature(sampler, k, float(masses[k[0]]), curved) for k in np.flatnonzero(apart)[:, None]]
 
 
 def with_common_samples(sampler: Sampler) -> np.ndarray:
@@ -100,14 +101,24 @@ def with_common_samples(sampler: Sampler) -> np.ndarray:
     return np.asarray(common > sampler.settings.min_fraction * np.minimum(sums[:, None], sums))
 
 
-def _in_one_valley(sampler: Sampler, rows: IntArray) -> np.ndarray:
+def _in_one_valley(sampler: Sampler, rows: IntArray, together: np.ndarray) -> np.ndarray:
     """Return which maxima a path joins that is nowhere much less dense than the lower of both ``(m, m)``.
 
     A round face of facets has a maximum on each facet, but turns about it are one region.
+
+    Args:
+        sampler: samples of the part.
+        rows: the maxima ``(R,)``.
+        together: which maxima are known to be one region; no path between two of one region is tried ``(m, m)``.
     """
     objective, peaks, out = sampler.objective, sampler.peaks, np.zeros((len(sampler.peaks),) * 2, dtype=bool)
     steps = sampler.settings.path_steps
+    region = np.zeros(len(together), dtype=np.int64)
+    for k, own in enumerate(groups_of(together)):
+        region[own] = k
     first, second = (rows[k] for k in np.triu_indices(len(rows), 1))
+    apart = region[first] != region[second]
+    first, second = first[apart], second[apart]
     if not len(first):
         return out
     xi = SE3.log(SE3.inverse(peaks.Ts[first]) @ peaks.Ts[second])
@@ -132,25 +143,39 @@ def _inside(sampler: Sampler) -> np.ndarray:
     return np.asarray(np.sum(z * z, axis=-1) < chi2_quantile(0.5, POSE_DOF))
 
 
-def _by_curvature(sampler: Sampler, rows: IntArray, log_mass: float) -> Mode:
-    """Return the mode of some maxima that is too improbable for its samples, by the curvature of the best maximum."""
+def _by_curvature(sampler: Sampler, rows: IntArray, log_mass: float, covariances: Covariances) -> Mode:
+    """Return the mode of some maxima that is too improbable for its samples, by the curvature of the best maximum.
+
+    Args:
+        sampler: samples of the part.
+        rows: the maxima ``(R,)``.
+        log_mass: log mass of all of them.
+        covariances: covariances of all maxima of the part by their curvature ``(m, 6, 6)``.
+    """
     objective, peaks = sampler.objective, sampler.peaks
     k = int(rows[np.argmax(peaks.evidence[rows])])
     T, information = peaks.Ts[k], to_origin(objective, peaks.information[k])
-    covariance = from_centre(objective, objective.of_pose(peaks.information[k]))
     return Mode(
-        objective, T, covariance, T, peaks.zs[k], information, log_mass, 0.0, T[None], np.ones(1), 0.0, True,
+        objective, T, covariances[k], T, peaks.zs[k], information, log_mass, 0.0, T[None], np.ones(1), 0.0, True,
         len(rows), int(np.bitwise_or.reduce(peaks.groups[rows])).bit_count(),
     )  # fmt: skip
 
 
 def groups_of(together: np.ndarray) -> list[IntArray]:
-    """Return the connected components of a relation ``(m, m)``."""
-    label = np.arange(len(together))
-    for k, row in enumerate(together):
-        for other in np.flatnonzero(row | together[:, k]):
-            label[label == label[other]] = label[k]
-    return [np.flatnonzero(label == value) for value in dict.fromkeys(label)]
+    """Return the connected components of a relation ``(m, m)``, in the order of their first members."""
+    either, left, out = together | together.T, np.ones(len(together), dtype=bool), []
+    for k in range(len(either)):
+        if not left[k]:
+            continue
+        group = np.zeros(len(either), dtype=bool)
+        group[k], new = True, np.array([k])
+        while len(new):
+            near = either[new].any(axis=0) & ~group
+            group |= near
+            new = np.flatnonzero(near)
+        left &= ~group
+        out.append(np.flatnonzero(group))
+    return out
 
 
 def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:

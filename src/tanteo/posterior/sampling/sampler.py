@@ -259,7 +259,8 @@ class Sampler:
         sums, squares = W.sum(axis=0), np.sum(W * W, axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
             ess = np.nan_to_num(sums**2 / squares)
-            for k in np.flatnonzero(sums > self.settings.region * sums.sum()):
+            enough = self.counts() >= self.settings.shape  # fewer samples do not cover a normal density
+            for k in np.flatnonzero(enough & (sums > self.settings.region * sums.sum())):
                 one = self.control_variate(int(k), W[:, k])
                 sums[k], ess[k] = one.mass, one.ess
             return np.log(sums) + top, ess

@@ -18,7 +18,8 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
 
     Where there are too few measurements for a pose, or no maximum is more probable than all other explanations, no
     answer needs the shape of the modes. Fewer rounds and samples give the probabilities, and more follow only while the
-    probability of the best mode is less exact than ``probability_sd``.
+    probability of the best mode is less exact than ``probability_sd``. Where there are too few measurements for a pose,
+    no sample is for a shape.
 
     Args:
         samplers: samplers of the parts.
@@ -46,7 +47,7 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
         limits = own.first if shaped else own.shape, own.more if fixed or sd > own.probability_sd else own.first
         more = not shaped and k >= own.few_rounds  # further rounds are for the probability alone
         wants = [
-            _wanted(s, mass - total, ess, limits, need, shape=not more)
+            _wanted(s, mass - total, ess, limits, need, shape=not more and (fixed or shaped))
             for s, (mass, ess), need in zip(samplers, masses, needs, strict=True)
         ]
         if not any(want.any() for want in wants):
