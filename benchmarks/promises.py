@@ -9,6 +9,7 @@ Subjects:
 - ``exact``: sessions with a touch of 0.15 mm on exact parts, to 0.3 mm.
 - ``drawn``: sessions with a stylus of 0.05 mm at 0.5 m from the origin, with the scale error, drift and warp that
   sessions assume, drawn from their priors; nothing is stated; to 0.5 mm. ``plain``: the same without these errors.
+  ``known``: the scenes of ``plain``, and the session knows that it has none of these errors.
 - ``next``: logs of the 3-2-1 rule at random places, with the seventh touch that ``next_reading`` names.
 - ``tip``: touches with poses of the hand whose tip is 0.4 mm off, without a stated error of the tip.
 - ``plans``: planned touches of the parts, made at placements from the prior and evaluated by ``locate``.
@@ -35,6 +36,7 @@ from scipy.stats import chi2
 import tanteo
 from log_of_touches import with_the_seventh
 from sensing_scenes import (
+    EXACT_MACHINE,
     assumed_of,
     carried_out,
     displaced_faces,
@@ -54,7 +56,7 @@ PARTS = "block", "bracket_left", "housing", "t_slot", "wedge"
 CAST = {"form_sd": 2e-4, "sd": 5e-5, "tolerance": 5e-4}
 EXACT = {"form_sd": 0.0, "sd": 1.5e-4, "tolerance": 3e-4}
 DRAWN = {"form_sd": 0.0, "sd": 5e-5, "tolerance": 5e-4, "errors": (), "at": (0.4, 0.3, 0.0)}
-SESSIONS = {"cast": CAST, "exact": EXACT, "drawn": DRAWN, "plain": DRAWN}
+SESSIONS = {"cast": CAST, "exact": EXACT, "drawn": DRAWN, "plain": DRAWN, "known": DRAWN | {"errors": EXACT_MACHINE}}
 DRIFTS = 15
 """Number of readings over which the drawn drift is the assumed one."""
 PLANNED = 4e-4

@@ -96,8 +96,14 @@ def check_kind(name: str, value: object, kinds: type | tuple[type, ...], advice:
     raise InputError(f"{name}: expected {kind.__name__}, got {got}. {advice}")
 
 
+_BEGINNING = 3
+"""Numerical: least number of letters that count as the beginning of a name."""
+
+
 def did_you_mean(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
     """Return `` Did you mean '...'?`` for the end of a message on an unknown name; empty if no known name is similar.
+
+    Names that begin with the unknown one win over similar ones.
 
     Args:
         name: unknown name, in any case.
@@ -106,9 +112,11 @@ def did_you_mean(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
     """
     names = list(known)
     near = [other for other in names if other.casefold() == name.casefold()]
+    if len(name) >= _BEGINNING:
+        near = near or [other for other in names if other.casefold().startswith(name.casefold())][:2]
     near = near or difflib.get_close_matches(name, names, n=1, cutoff=likeness)
     near = near or difflib.get_close_matches(name.lower(), names, n=1, cutoff=likeness)
-    return f" Did you mean '{near[0]}'?" if near else ""
+    return f" Did you mean {' or '.join(repr(one) for one in near)}?" if near else ""
 
 
 def install_command(*extras: str) -> str:

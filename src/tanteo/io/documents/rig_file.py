@@ -265,8 +265,9 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
             raise self.at.refused("field", _FIELD_WORDS, "Add it.")
         if self.axis is not None or self.unit is not None or self.quaternion_wxyz is None:
             raise self.at.error(
-                "expected quaternion_wxyz beside zones (which way are the rows?), and neither axis nor unit, which "
-                "zones imply. Correct the keys."
+                "expected quaternion_wxyz beside zones, and neither direction, axis nor unit, which zones imply. Write "
+                "quaternion_wxyz = [1, 0, 0, 0] if the hand's z is the optical axis, its x the direction of the "
+                "columns, and its y that of the rows."
             )
         perpendicular = device.preset is not None and device.preset.range_kind == "perpendicular"
         (rows, columns), (height, width) = self.zones, np.broadcast_to(self.field, 2).tolist()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,10 @@ _SPEEDS = {"real time": 1.0, "3 times": 3.0, "10 times": 10.0, "at once": np.inf
 FOV = float(np.radians(45.0))
 """Vertical field of view [rad]."""
 
+_THEME: Mapping[str, Any] = MappingProxyType(
+    {"show_logo": False, "show_share_button": False, "brand_color": (0, 114, 178)}
+)
+
 _EYE = np.array([0.9, -1.6, 1.25])
 """Direction from the centre of the scene to the viewer, world frame."""
 
@@ -44,7 +49,7 @@ class LivePage:
         self._server.request_share_url = _no_tunnel
         self.url = f"http://127.0.0.1:{self._server.get_port()}"
         self._gui, self._scene = self._server.gui, self._server.scene
-        self._gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
+        self._gui.configure_theme(**_THEME)
         self._gui.add_html(STYLE)
         self._light()
         self._shown: dict[str, dict[str, tuple[Primitive, Any]]] = {}
@@ -129,6 +134,8 @@ class LivePage:
     def _happened(self) -> None:
         with self._gui.add_folder("Steps so far", expand_by_default=False):
             self._place("steps")
+        dark = self._gui.add_checkbox("Dark page", initial_value=False, hint="?darkMode in the address does the same.")
+        dark.on_update(lambda event: self._gui.configure_theme(**_THEME, dark_mode=event.target.value))
 
     def _legend(self, *, hand: bool, scene: bool) -> None:
         """Add the legend with a box for each layer."""
