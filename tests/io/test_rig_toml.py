@@ -146,8 +146,8 @@ def test_zones_are_beams_of_one_device(tmp_path):
         ("[30, 45]", "[30, 200]", "field_deg: expected field_deg = [height, width] below 180"),
         ("field_deg = [30, 45]\n", "", "field: expected field_deg"),
         ("zones = [4, 8]\n", "", "zones: expected [rows, columns], got None"),
-        ("mount_sd_mm = 1", "axis = [0, 0, 1]", "neither axis nor unit"),
-        ("quaternion_wxyz = [0.9238795, 0.3826834, 0, 0]", "direction = [0, 0, 1]", "which way are the rows"),
+        ("mount_sd_mm = 1", "axis = [0, 0, 1]", "axis nor unit"),
+        ("quaternion_wxyz = [0.9238795, 0.3826834, 0, 0]", "direction = [0, 0, 1]", "Write quaternion_wxyz = "),
         ("zones = [4, 8]\nfield_deg = [30, 45]", 'unit = "a"', "unit_position_mm and unit_quaternion_wxyz together"),
     ],
 )
