@@ -9,7 +9,7 @@ Subjects:
 - ``exact``: sessions with a touch of 0.15 mm on exact parts, to 0.3 mm.
 - ``drawn``: sessions with a stylus of 0.05 mm at 0.5 m from the origin, with the scale error, drift and warp that
   sessions assume, drawn from their priors; nothing is stated; to 0.5 mm. ``plain``: the same without these errors.
-  ``known``: the scenes of ``plain``, and the session knows that it has none of these errors.
+  ``known``: the scenes of ``plain``, and none of these errors is assumed.
 - ``next``: logs of the 3-2-1 rule at random places, with the seventh touch that ``next_reading`` names.
 - ``tip``: touches with poses of the hand whose tip is 0.4 mm off, without a stated error of the tip.
 - ``plans``: planned touches of the parts, made at placements from the prior and evaluated by ``locate``.
