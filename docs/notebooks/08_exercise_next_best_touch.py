@@ -14,10 +14,12 @@ import numpy as np
 import tanteo
 from tanteo.geometry import SE3
 from tanteo.planning import Action, Probe, Sensing, Session, Stop
+from tanteo.sensors.error_states import Drift, Form, Scale
 from tanteo.sensors.presets import NoiseLaw
 
 rng = np.random.default_rng(8)
 SD = 2e-4
+EXACT = Scale(1e-6), Drift(1e-6), Form(1e-6)
 
 # %%
 # Question 1: information of one reading
@@ -92,7 +94,8 @@ print("information about the block [nats]:", {sd: round(gain, 3) for sd, gain in
 # ---------------------
 #
 # ``Session.ask`` chooses by this information. Run it on the block with a goal of 0.5 mm, and compare with random
-# touches of the same number.
+# touches of the same number. The simulator has no scale error, drift or warp, and ``shared_errors`` states this.
+# Otherwise the session assumes them, and they decide how many touches it needs, not the places of the touches.
 #
 # *Solution.* The session ends when its own probability reaches 95 %. Random touches are worse, because some faces are
 # touched too often.
@@ -108,7 +111,7 @@ T = start.Ts[0] @ SE3.exp(np.array([1e-3, -2e-3, 1e-3, 0.02, -0.01, 0.03]))
 
 def run(policy, most):
     """Return the largest corner sd after each touch [mm]."""
-    session = Session(start, probe, Sensing(sd=SD), tanteo.planning.POLICIES[policy],
+    session = Session(start, probe, Sensing(sd=SD, shared_errors=EXACT), tanteo.planning.POLICIES[policy],
                       Stop(probability=None, tolerance=5e-4, max_measurements=most))  # fmt: skip
     surface = tanteo.parts.Surface(block.vertices, block.triangles)
     while isinstance(action := session.ask(), Action):
