@@ -17,6 +17,7 @@ constexpr int FIRST_STEPS = 6;        // steps until maxima are compared
 constexpr double HOPELESS = 16;       // cost gap to the best pose, that of four outliers, beyond which a pose is dropped
 constexpr double COARSE = 1;          // scale in cells of the grid beyond which the triangle nearest to a cell is accurate enough
 constexpr int MARGINAL_STEPS = 4;     // number of Newton steps from the values at the maximum, near which most poses are
+constexpr double QUADRATIC = 0.03;     // gain predicted by a step over which the log density is quadratic, to 0.005
 constexpr double ROUGHLY = 0.1;       // gain at which the maximization of a level other than the last ends
 
 State stepped(const State& state, const double* step, const Vec3& centre) {
@@ -292,20 +293,24 @@ std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, co
     return maxima;
 }
 
-// Newton's method with a line search. The determinant is that of the factor of the last step, not of the maximum: the
-// statistics are equal.
+// Newton's method with a line search; the last step is not evaluated. The determinant is that of the factor of the last
+// step, not of the maximum: the statistics are equal.
 double marginal(Likelihood& likelihood, const Problem& problem, State& state) {
     const int D = problem.size() - 6;
     if (!D) return likelihood.at(state, false);
     likelihood.with_pose = false;
     Linear at, there;
     linearize(likelihood, state, 6, at);
-    double log_det = 0;
+    double log_det = 0, gain = 0;
     const auto undamped = [](int, double, double) { return 0.0; };
     maximize(at, MARGINAL_STEPS, {}, undamped, [&](const double* step, double predicted, const double* L) {
         log_det = 0;
         for (int i = 0; i < D; ++i) log_det += 2 * std::log(L[i * D + i]);
-        if (predicted < 1e-2) return Attempt::LAST;
+        if (predicted < QUADRATIC) {
+            for (int i = 0; i < D; ++i) state.z[i] += step[i];
+            gain = 0.5 * predicted;
+            return Attempt::LAST;
+        }
         double share = 1;
         for (int tries = 0; tries < 4; ++tries, share *= 0.3) {
             State next = state;
@@ -318,7 +323,7 @@ double marginal(Likelihood& likelihood, const Problem& problem, State& state) {
         }
         return Attempt::LAST;
     });
-    return at.value - 0.5 * log_det;
+    return at.value + gain - 0.5 * log_det;
 }
 
 }  // namespace tanteo

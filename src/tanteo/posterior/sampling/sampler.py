@@ -182,8 +182,18 @@ class Sampler:
         return _core.place(np.ascontiguousarray(self.peaks.Ts[owners]), x, self.objective.prepared.shape.centre)
 
     def _followed(self, owners: IntArray, x: FloatArray) -> FloatArray:
-        """Return the other states after such motions, by linear regression on the pose ``(N, D)``."""
-        return np.asarray(self.peaks.zs[owners] + np.einsum("nij,nj->ni", self._slopes[owners], x))
+        """Return the other states after such motions ``(N, D)``, the start values of their integration.
+
+        They follow the pose by linear regression. The noise scale is that of the squared residuals there: at a maximum it
+        explains the errors of the pose, and at a sample the squared distance from the maximum.
+        """
+        zs = np.asarray(self.peaks.zs[owners] + np.einsum("nij,nj->ni", self._slopes[owners], x))
+        if (sd := self.objective.problem.scale_sd) > 0:
+            full = self.peaks.information
+            squares = np.einsum("ni,nij,nj->n", x, self.objective.of_pose(full)[owners], x) - POSE_DOF
+            ratio = 2 * sd**2 * squares / np.maximum(full[owners, -1, -1], 1.0)  # to the sum of squared residuals
+            zs[:, -1] += np.log1p(np.maximum(ratio, -0.5)) / (2 * sd)
+        return zs
 
     def _weigh(self) -> None:
         log_q, self.shares = self._mixture.log_density(self.peaks.Ts, self.Ts)
