@@ -40,8 +40,8 @@ def test_a_sure_search_has_missed_nothing_and_an_empty_one_too():
 def test_seeds_agree_where_touches_are_few():
     """Five or six touches leave many poses, some of which few sources find.
 
-    Over 16 seeds the probabilities have standard deviations of 0.021 and 0.10, and those of two seeds differ by less than
-    three times the root of two of that. They differed by up to 0.5 when the missed probability jumped.
+    Over 16 seeds the probabilities have standard deviations of 0.021 and 0.10, and those of two seeds differ by less
+    than three times the root of two of that. They differed by up to 0.5 when the missed probability jumped.
     """
     parts = [tanteo.read_part(EXAMPLES / f"{n}.step") for n in ("block", "bracket_left", "housing", "step_12mm")]
     for name, seed, n, sd in (("housing", 1, 6, 0.021), ("block", 0, 5, 0.10)):

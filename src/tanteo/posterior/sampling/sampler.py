@@ -184,8 +184,8 @@ class Sampler:
     def _followed(self, owners: IntArray, x: FloatArray) -> FloatArray:
         """Return the other states after such motions ``(N, D)``, the start values of their integration.
 
-        They follow the pose by linear regression. The noise scale is that of the squared residuals there, which grow with
-        the squared distance from the maximum.
+        They follow the pose by linear regression. The noise scale is that of the squared residuals there, which grow
+        with the squared distance from the maximum.
         """
         zs = np.asarray(self.peaks.zs[owners] + np.einsum("nij,nj->ni", self._slopes[owners], x))
         if (sd := self.objective.problem.scale_sd) > 0:
