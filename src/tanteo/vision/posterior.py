@@ -105,7 +105,7 @@ def resampled(
         log_left_out: log evidence of the excluded parts, their prior included.
     """
     priors = np.full(len(searches), prior)
-    for _ in searches:
+    for _ in range(1 + len(searches)):
         rng = np.random.default_rng(_SEED)
         found = weigh(problem, searches, priors, anywhere, rng, log_left_out=log_left_out)
         images, most = corrected(images, found, lying, prior)
