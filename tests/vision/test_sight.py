@@ -23,6 +23,7 @@ from tanteo.vision.fit import meet, refine
 from tanteo.vision.posterior import ImagePosterior
 from tanteo.vision.regions import find_regions
 from tanteo.vision.rendering import Appearance, Stage, render, rendered_part
+from tanteo.vision.shots import image_candidates
 from tanteo.vision.sight import shot_of
 from tanteo.vision.solid import see_anywhere
 from tanteo.vision.table import TableErrors
@@ -294,3 +295,21 @@ def test_regions_beside_which_no_edge_is_rare_are_not_searched(models):
     image = np.rint(image - 30 * stains)
     assert len(find_regions(image, find_edges(image))) == 4
     assert len(shot_of(View(image, camera), models, np.eye(4), TableErrors()).regions) == 1
+
+
+def test_edges_of_a_recognized_part_are_not_searched_again(models, monkeypatch):
+    """Two dark sides of a part as bright as the table are two regions; the first shows the whole part."""
+    clamp, camera, searched = models[4], table_camera(), []
+    stage = Stage(
+        camera,
+        [rendered_part(clamp.part, lay_down(clamp, 1, 0.02, 0.01, 1.0), 151)],
+        Appearance((0.5, 0.2, 1.0), 0.5, 150, (0, 0), 0.7, 2.0),
+    )
+    image, _ = render(stage, np.random.default_rng(2))
+    assert len(shot_of(View(image, camera), [clamp], np.eye(4), TableErrors()).regions) == 2
+    monkeypatch.setattr(
+        "tanteo.vision.sight.image_candidates", lambda *a: (searched.append(a), image_candidates(*a))[1]
+    )
+    (seen,) = see_table(image, camera, [clamp]).objects
+    assert seen.answer.status == "recognized"
+    assert len(searched) == 1

@@ -173,8 +173,10 @@ def see_table(
     weights = weights or Weights()
     table = table or TableErrors()
     shots = [shot_of(view, parts, T_world_table, table) for view in (View(image, camera, ignore=ignore), *others)]
-    objects = []
+    objects: list[Sighting] = []
     for regions in same_objects(shots):
+        if _explained(objects, regions[0], camera, shots[0]):
+            continue
         shown = next(k for k, region in enumerate(regions) if region is not None)
         shot, region = shots[shown], regions[shown]
         assert region is not None
@@ -269,6 +271,32 @@ def in_others(sight: Sight, others: Sequence[tuple[Camera, EdgePoints]]) -> tupl
     return tuple(out)
 
 
+def _explained(objects: Sequence[Sighting], region: Region | None, camera: Camera, shot: Shot) -> bool:
+    """Return whether recognized parts explain most edges of a region: those of a shadow or of a face are not searched.
+
+    Args:
+        objects: objects so far.
+        region: region of the first image; None for an object of another image.
+        camera: camera of the first image.
+        shot: the first image.
+    """
+    explained = np.zeros(shot.points.shape, dtype=np.bool_)
+    for seen in objects:
+        if seen.answer.status == "recognized":
+            explained |= _explains(seen, camera)
+    if region is None or not explained.any():
+        return False
+    own = dilated(region.mask)
+    left = edge_information(shot.points, shot.chance, own & ~explained)
+    return 2 * left < edge_information(shot.points, shot.chance, own)
+
+
+def _explains(seen: Sighting, camera: Camera) -> BoolArray:
+    """Return the pixels whose edges a part explains: its own, and those of its region, with the shadow beside it."""
+    covers = silhouette(seen.modes[0].model.frame.surface, camera, seen.modes[0].T_camera_part)
+    return dilated(covers if seen.region is None else covers | seen.region.mask)
+
+
 def separate(objects: Sequence[Sighting], camera: Camera, points: EdgePoints, chance: FloatArray) -> list[Sighting]:
     """Return the objects whose edges no better object explains, largest first.
 
@@ -295,8 +323,7 @@ def separate(objects: Sequence[Sighting], camera: Camera, points: EdgePoints, ch
             continue
         kept.append((k, seen))
         if known[k] > 0.5:
-            # the shadow beside a part makes edges, too
-            explained |= dilated(covers if seen.region is None else covers | seen.region.mask)
+            explained |= _explains(seen, camera)
     return [seen for _, seen in sorted(kept, key=lambda one: one[0])]
 
 
