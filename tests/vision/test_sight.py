@@ -18,12 +18,12 @@ from tanteo.render import draw_sight
 from tanteo.render.image_picture import FOUND
 from tanteo.vision import Camera, View, find_edges, prepare_vision, see_table
 from tanteo.vision.answers import deciding_touch, heights, judged
+from tanteo.vision.candidates import candidates_in
 from tanteo.vision.edges import map_edges
 from tanteo.vision.fit import meet, refine
 from tanteo.vision.posterior import ImagePosterior
 from tanteo.vision.regions import find_regions
 from tanteo.vision.rendering import Appearance, Stage, render, rendered_part
-from tanteo.vision.shots import image_candidates
 from tanteo.vision.sight import shot_of
 from tanteo.vision.solid import see_anywhere
 from tanteo.vision.table import TableErrors
@@ -307,9 +307,7 @@ def test_edges_of_a_recognized_part_are_not_searched_again(models, monkeypatch):
     )
     image, _ = render(stage, np.random.default_rng(2))
     assert len(shot_of(View(image, camera), [clamp], np.eye(4), TableErrors()).regions) == 2
-    monkeypatch.setattr(
-        "tanteo.vision.sight.image_candidates", lambda *a: (searched.append(a), image_candidates(*a))[1]
-    )
+    monkeypatch.setattr("tanteo.vision.sight.image_candidates", lambda *a: (searched.append(a), candidates_in(*a))[1])
     (seen,) = see_table(image, camera, [clamp]).objects
     assert seen.answer.status == "recognized"
     assert len(searched) == 1
