@@ -307,7 +307,7 @@ def test_edges_of_a_recognized_part_are_not_searched_again(models, monkeypatch):
     )
     image, _ = render(stage, np.random.default_rng(2))
     assert len(shot_of(View(image, camera), [clamp], np.eye(4), TableErrors()).regions) == 2
-    monkeypatch.setattr("tanteo.vision.sight.image_candidates", lambda *a: (searched.append(a), candidates_in(*a))[1])
+    monkeypatch.setattr("tanteo.vision.shots.candidates_in", lambda *a: (searched.append(a), candidates_in(*a))[1])
     (seen,) = see_table(image, camera, [clamp]).objects
     assert seen.answer.status == "recognized"
     assert len(searched) == 1
