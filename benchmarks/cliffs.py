@@ -28,7 +28,10 @@ from common import Table
 
 import tanteo
 from tanteo.geometry import SE3, SO3
+from tanteo.parts import Surface
 from tanteo.posterior import DEFAULTS
+from tanteo.posterior import Table as TablePrior
+from tanteo.sensors.noise import cone_rays
 
 ROOT = Path(__file__).resolve().parents[1]
 DEMO = ROOT / "src" / "tanteo" / "bench" / "demo" / "parts"
@@ -127,6 +130,50 @@ def question(parts, n, sd, *, own=None, with_normals=False, missing=False):
     return identified
 
 
+@cache
+def bracket():
+    """Return a bracket, its surface, the rig of an 8 x 8 sensor, and the prior of a part on a table."""
+    part = tanteo.read_part(ROOT / "examples" / "parts" / "bracket_left.step")
+    rig = tanteo.read_rig(ROOT / "examples" / "readings" / "zones_rig.toml")
+    on_table = tanteo.PosePrior(table=TablePrior(np.zeros(3), np.array([0.0, 0.0, 1.0]), 1e-3))
+    return part, Surface(part.vertices, part.triangles), rig, on_table
+
+
+def zones(frames):
+    """Return a function that locates a bracket on a table by frames of an 8 x 8 sensor, simulated along cones."""
+
+    def located(k):
+        part, surface, rig, on_table = bracket()
+        rng, ranges, names, hands = np.random.default_rng((k, frames)), [], [], []
+        truth = SE3.from_parts(SO3.exp(np.array([0, 0, rng.uniform(-3, 3)])), np.array([0.4, 0.2, 0.0]))
+        middle = SE3.apply(truth, part.centroid)
+        for _ in range(frames):
+            turn = rng.uniform(0, 2 * np.pi)
+            place = middle + np.array([0.12 * np.cos(turn), 0.12 * np.sin(turn), 0.23])
+            hand = SE3.from_parts(SO3.frame_from_axis(middle - place, 2), place)
+            for sensor in rig.sensors:
+                T = hand @ sensor.T_hand_sensor
+                rays = cone_rays(sensor.beam_half_angle, 200) @ T[:3, :3].T
+                hits = surface.cast((T[:3, 3] - truth[:3, 3]) @ truth[:3, :3], rays @ truth[:3, :3])
+                normals = surface.normals[np.maximum(hits.triangles, 0)] @ truth[:3, :3].T
+                table = np.where(rays[:, 2] < 0, -T[2, 3] / np.minimum(rays[:, 2], -1e-9), np.inf)
+                cosines = np.where(hits.distances < table, -np.sum(normals * rays, axis=1), -rays[:, 2])
+                some = cosines > np.cos(sensor.preset.max_incidence)
+                nearest = np.minimum(hits.distances, table)[some].min(initial=np.inf)
+                if np.isfinite(nearest):
+                    ranges.append((nearest + 1.5e-3 * rng.normal()) * sensor.axis_cosine)
+                    names.append(sensor.name)
+                    hands.append(hand)
+        readings = tanteo.Readings.from_columns(ranges=ranges, sensors=names, Ts_world_hand=np.array(hands))
+        start = time.process_time()
+        answer = tanteo.locate(readings, part, rig=rig, priors=tanteo.Priors(pose=on_table))
+        ms = 1e3 * (time.process_time() - start)
+        off = np.linalg.norm(answer.hypotheses[0].T_world_part[:3, 3] - truth[:3, 3]) if answer.hypotheses else np.inf
+        return ms, bool(off < 0.01), answer.status
+
+    return located
+
+
 @dataclass(frozen=True)
 class Row:
     """Scenes of one kind, their number, and the aim of the median and of the peak of memory [ms, MB]."""
@@ -179,6 +226,8 @@ ROWS = {
     "ten organic, 12 contacts with normals": Row(
         question(lambda: tuple(organic(seed) for seed in range(10)), 12, 3e-4, with_normals=True), 2, 5000
     ),
+    "one frame of 8 x 8 zones on a table": Row(zones(1), 4, 500),
+    "five frames of 8 x 8 zones on a table": Row(zones(5), 3, 3000),
     "first call, 327,000 facets": Row(first_call(286), 1, 2000, 400),
     "first call, STL file of 109 MB": Row(first_call(738), 1, 10_000, 1000),
 }

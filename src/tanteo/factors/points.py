@@ -263,7 +263,8 @@ def as_contact_points(
     lengths = np.zeros(len(measured)) if reach is None else reach.only(on_surface).filled(0.0)
     normal_sds = np.nan_to_num(measured.normal_sds, nan=np.pi)
     cones = _cones(measured, covs, directions)
-    approaches = [row if there else None for row, there in zip(directions, directions.any(axis=1), strict=True)]
+    directed = np.any(directions != 0, axis=1).tolist()
+    approaches = [row if there else None for row, there in zip(directions, directed, strict=True)]
     unsensed = np.isnan(measured.normals[:, 0]).tolist()
     sensed = [
         None if none else SensedDirection(normal, sd)
