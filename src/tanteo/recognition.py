@@ -312,9 +312,8 @@ class Query:
         if anywhere and priors.pose is not None:
             pose = priors.pose
             priors = replace(priors, pose=PosePrior(table=pose.table, rests=pose.rests) if pose.planes else None)
-        own = self._options | {"shared_errors": errors, "priors": priors}
-        if settings is not None:
-            own["settings"] = settings
+        settings = settings or self._options.get("settings", DEFAULTS)
+        own = self._options | {"shared_errors": errors, "priors": priors, "settings": settings.repeated}
         return identify(readings, parts, **own, top=1, conventions=False, count=1)
 
 

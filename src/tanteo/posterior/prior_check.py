@@ -67,6 +67,8 @@ def check_prior(
     p = p_of_prior(posterior.modes[0], priors) if posterior.modes else 1.0
     if best is not None and fits and not best.outliers and min(p, best.p_value, _share(posterior)) > NOTABLE:
         return PriorCheck(p)
+    if not posterior.problem.settings.checks.of_prior:
+        return PriorCheck(p if fits else 1.0)
     other = without()
     if not other.modes or other.modes[0].probability + other.missing < other.unknown:
         return PriorCheck(p if fits else 1.0)

@@ -356,6 +356,7 @@ class CheckSettings:
         limiting_share: contribution of a shared error to the largest corner sd, over that sd, from which it is
             reported.
         beyond_curvature: largest corner sd over that by curvature up to which shared errors explain it.
+        of_prior: whether an answer that fits badly is compared with one without the prior pose.
     """
 
     too_wide: float = 3.0
@@ -368,6 +369,7 @@ class CheckSettings:
     outward: float = 0.2
     limiting_share: float = 0.5
     beyond_curvature: float = 1.5
+    of_prior: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -410,6 +412,11 @@ class Settings:
     def brief(self) -> Settings:
         """Settings of a search that is repeated for a check: a quarter of the rounds, enough for a part that fits."""
         return replace(self, search=replace(self.search, rounds=self.search.rounds // 4))
+
+    @property
+    def repeated(self) -> Settings:
+        """Settings of an inference that is repeated for other readings or errors: the first has checked the prior."""
+        return replace(self, checks=replace(self.checks, of_prior=False))
 
     def changed(self, name: str, value: float) -> Settings:
         """Return the same settings with one field changed.
