@@ -108,16 +108,16 @@ def report(rows):
         right = [row for row in own if row["right"] and row["status"] == "recognized" and not row["free"]]
         n = len(right)
         if not n:
-            table.append((count, f"0 of {len(own)}", *["-"] * 6))
+            table.append((f"{count}", f"0 of {len(own)}", *["-"] * 6))
             continue
         mm, deg, nees = (np.array([row[name] for row in right]) for name in ("mm", "deg", "nees"))
         low, high = chi2.ppf([0.025, 0.975], 6 * n) / (6 * n)
         table.append((
-            count, f"{sum(r['right'] and r['status'] == 'recognized' for r in own)} of {len(own)}",
+            f"{count}", f"{sum(r['right'] and r['status'] == 'recognized' for r in own)} of {len(own)}",
             f"{np.median(mm):.2f}, {mm.max():.2f}", f"{np.median(deg):.3f}, {deg.max():.3f}",
             f"{nees.mean() / 6:.2f} ({low:.2f} to {high:.2f})",
             f"{int((nees < chi2.ppf(0.95, 6)).sum())} of {n}",
-            sum(not r["right"] and r["status"] == "recognized" for r in own),
+            f"{sum(not r['right'] and r['status'] == 'recognized' for r in own)}",
             f"{np.median([r['spent'] for r in own]):.1f}",
         ))  # fmt: skip
     head = (

@@ -278,8 +278,8 @@ def see(
         >>> image = tanteo.read_image("images/twins.png")
         >>> camera = tanteo.read_camera("images/camera.yaml")
         >>> sight = tanteo.see(image, camera, [tanteo.read_part("parts/step_12mm.step")])
-        >>> sight.frame, [seen.answer.status for seen in sight.objects]
-        ('camera', ['recognized'])
+        >>> sight.frame, [seen.answer.status for seen in sight.objects]  # one view without a table: several poses
+        ('camera', ['ambiguous'])
     """
     recognize = see_table if on_table and camera.T_world_camera is not None else see_anywhere
     return recognize(image, camera, parts, top=top, others=others)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -77,19 +77,26 @@ _SHOWN = 0.005
 """Smallest probability that is not printed as 0 %."""
 
 
+def _by_part(names: Sequence[str], weights: Iterable[float]) -> str:
+    """Return the parts with their probabilities over all of their poses, most probable first."""
+    sums: dict[str, float] = {}
+    for name, weight in zip(names, weights, strict=True):
+        sums[name] = sums.get(name, 0.0) + float(weight)
+    return ", ".join(
+        f"{name} ({100 * P:.0f} %)" for name, P in sorted(sums.items(), key=lambda one: -one[1]) if P >= _SHOWN
+    )
+
+
 def _emit_image(stage: Stage, emit: Callable[[str], None]) -> None:
     """Emit the hypotheses of the image."""
     seen, start = stage.seen, stage.start
     if seen is None:
-        names = [start.targets[k].part.name for k in start.part]
-        words = ", ".join(
-            f"{name} ({100 * P:.0f} %)" for name, P in zip(names, start.weights, strict=True) if P >= _SHOWN
-        )
+        words = _by_part([start.targets[k].part.name for k in start.part], start.weights)
         emit("A camera above it took an image, which was evaluated before (the extra 'vision' is not installed).")
         emit(f"It may be: {words}.")
         return
     file = Path(os.path.relpath(seen.image)) if seen.image.is_relative_to(Path.cwd()) else seen.image
-    words = ", ".join(f"{h.part} ({100 * h.probability:.0f} %)" for h in seen.likely if h.probability >= _SHOWN)
+    words = _by_part([h.part for h in seen.likely], [h.probability for h in seen.likely])
     emit(f"A camera above it took {file.as_posix()}.")
     emit(f"It may be: {words}; largest corner sd {1e3 * seen.likely[0].corner_sd:.1f} mm.")
 
