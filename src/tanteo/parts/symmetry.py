@@ -118,6 +118,9 @@ LOOSE = 5e-3
 _FEW_VECTORS = 500
 """Number of vectors up to which all pairs are compared directly."""
 
+_EQUAL = 1e-3
+"""Numerical: step over the loose tolerance to which labels are rounded, so that equal ones are compared once."""
+
 _MOST_PAIRS = 20_000_000
 """Largest number of listed pairs of equal vectors; beyond it grid cells are used."""
 
@@ -303,8 +306,15 @@ def _labelled(part: Part) -> _Vectors:
 
 def _clusters(marks: FloatArray) -> IntArray:
     """Label rows that are equal within the loose tolerance, including chains."""
+    step = _EQUAL * LOOSE
+    rounded, of_mark = np.unique(np.rint(marks / step), axis=0, return_inverse=True)  # equal facets have equal marks
+    return _chained(step * rounded)[of_mark.reshape(-1)]
+
+
+def _chained(marks: FloatArray) -> IntArray:
+    """Label different rows that are equal within the loose tolerance, including chains."""
     cells, counts = np.unique(np.rint(marks / LOOSE), axis=0, return_inverse=True, return_counts=True)[1:]
-    if np.sum(counts**2) > _MOST_PAIRS:  # meshes with very many equal facets
+    if np.sum(counts**2) > _MOST_PAIRS:  # meshes with very many similar facets
         return cells.reshape(-1)
     places = marks[:, 1:] + np.outer(marks[:, 0], [10.0, 0.0, 0.0])  # vectors of two kinds are far from each other
     first, second = _core.near_pairs(np.ascontiguousarray(places), float(np.sqrt(3) * LOOSE)).reshape(-1, 2).T
