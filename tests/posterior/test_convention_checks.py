@@ -111,13 +111,6 @@ def test_groups_with_offsets_of_their_own_are_named(blocks):
     assert "group=" in found.message
 
 
-def test_groups_without_offsets_are_no_cause(blocks):
-    points, normals = touches(blocks[0], np.random.default_rng(9), RADIUS, n=20)
-    answer = identified(blocks, points + 0.5 * RADIUS * np.random.default_rng(1).normal(size=points.shape),
-                        directions=-normals, groups=["a", "b"] * 10)  # fmt: skip
-    assert not [one for one in answer.findings if isinstance(one, OffsetQuestion) and one.groups]
-
-
 def test_advised_stock_leaves_the_truth_inside(blocks):
     rng = np.random.default_rng(6)
     points, normals = touches(blocks[0], rng, n=20)
