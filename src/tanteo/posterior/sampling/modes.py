@@ -88,7 +88,7 @@ def modes_of(sampler: Sampler, least: float = -np.inf) -> list[Mode]:
             continue
         log_mass = float(mass[rows[0]]) if len(rows) == 1 else float(np.log(sums[rows].sum())) + top
         out.append(_mode(sampler, rows, W) if log_mass > least else _by_curvature(sampler, rows, log_mass, curved))
-    apart = ~sampled & ~inside[sampled].any(axis=0)  # maxima in a sampled region are part of that mode
+    apart = (sampler.counts() == 0) & ~inside[sampled].any(axis=0)  # maxima in a sampled region are part of that mode
     masses = sampler.peaks.evidence + sampler.log_constant
     return out + [_by_curvature(sampler, k, float(masses[k[0]]), curved) for k in np.flatnonzero(apart)[:, None]]
 

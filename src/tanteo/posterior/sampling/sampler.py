@@ -236,7 +236,8 @@ class Sampler:
             weights: weights of the samples in its region, over the largest of all ``(N,)``.
         """
         mass = float(self.peaks.evidence[k]) + self.log_constant - float(self.log_weights.max())
-        if not abs(mass) < _COMPARABLE:
+        few = self.counts()[k] < self.settings.shape  # they do not cover a normal density
+        if few or not abs(mass) < _COMPARABLE:
             return ControlVariate.alone(weights, self.settings)
         H = self.objective.of_pose(self.peaks.information[k][None])[0]
         near = np.flatnonzero(self.shares[:, k])
@@ -269,8 +270,7 @@ class Sampler:
         sums, squares = W.sum(axis=0), np.sum(W * W, axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
             ess = np.nan_to_num(sums**2 / squares)
-            enough = self.counts() >= self.settings.shape  # fewer samples do not cover a normal density
-            for k in np.flatnonzero(enough & (sums > self.settings.region * sums.sum())):
+            for k in np.flatnonzero(sums > self.settings.region * sums.sum()):
                 one = self.control_variate(int(k), W[:, k])
                 sums[k], ess[k] = one.mass, one.ess
             return np.log(sums) + top, ess

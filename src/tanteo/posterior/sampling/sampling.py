@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -30,7 +31,7 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
     wants = [_first(s, s.peaks.evidence + s.log_constant - total, shaped=fixed) for s in samplers]
     rounds = 0 if not samplers else samplers[0].settings.rounds if fixed else samplers[0].settings.few_rounds
     count = 0
-    for k in range(rounds + 1):
+    for k in itertools.count():
         for sampler, want in zip(samplers, wants, strict=True):
             sampler.sample(want)
         before, count = count, sum(len(s.peaks) for s in samplers)
