@@ -129,6 +129,16 @@ def characteristics():
     return "\n".join([*out, "plan\t1\tF1\tF1\tflatness\t0.01\t0.0\tPL1\tmm", "END", ""])
 
 
+def bars(values):
+    return "".join(f"| {k} | {x} | {y} | {z} |\n" for k, (x, y, z) in enumerate(values.tolist()))
+
+
+def axis_rows(header, form):
+    return "\n".join([header, *(form.format(f"P{k}", axis, f"{x:.4f}")
+                                for k, place in enumerate(P, start=1)
+                                for axis, x in zip("XYZ", place, strict=True)), ""])  # fmt: skip
+
+
 def words(form, end="\n"):
     return "POPEN\n" + "".join(form.format(k, *p) + end for k, p in enumerate(P, start=1))
 
@@ -193,8 +203,14 @@ CASES = {
     ),
     "marlin": ("marlin", "".join(f"Bed X: {x:.2f} Y: {y:.2f} Z: {z:.2f}\nok\n" for x, y, z in P), {}),
     "pcdmis": ("pcdmis", listing(), MM),
-    "pcdmis report": ("pcdmis", report(), {}),
-    "calypso": ("calypso", characteristics(), {}),
+    "pcdmis report": ("report", report(), {}),
+    "characteristics": ("report", characteristics(), {}),
+    "report with a row an axis": ("report", axis_rows("Name,Control,Nominal,Measured,Dev", "{0},{1},1.0,{2},0.1"), MM),
+    "report with the axis in the name": ("report", axis_rows("id;actual;nominal;unit", "{0}.{1};{2};1.0;mm"), {}),
+    "report in German": (
+        "report", axis_rows("Merkmal\tAchse\tSollwert\tIstwert", "{0}\t{1}-Position\t1,0\t{2}").replace(".", ","), MM,
+    ),
+    "report in columns of blanks": ("report", axis_rows("Point Axis Nominal Actual Dev", "{0}  {1}  1.0  {2} 0.1"), MM),
     "dprnt": ("words", words("N{} X{:9.4f}Y{:9.4f}Z{:9.4f}").replace("Z  -7", "Z-  7"), MM),
     "words with signs": ("words", words("POINT {}  X={:+.3f}  Y={:+.3f}  Z={:+.3f}"), MM),
     "words on three lines": ("words", words("TOUCH {}\nX-ACTUAL: {:.3f}\nY-ACTUAL: {:.3f}\nZ-ACTUAL: {:.3f}"), MM),
@@ -202,6 +218,30 @@ CASES = {
         "words", "".join(f"P{k}, X={x}, Y={y}, Z={z}, I={i}, J={j}, K={c}\n"
                          for k, (x, y, z, i, j, c) in enumerate(np.c_[P, UP].tolist(), start=1)), MM,
     ),
+    "words with numbered axes": ("words", words("X1={1:.3f} Y1={2:.3f} Z1={3:.3f}"), MM),
+    "words with units": ("words", words("X: {1:.3f} mm, Y: {2:.3f} mm, Z: {3:.3f} mm"), {}),
+    "words of an I++ session": (
+        "words", words("000{0}5 PtMeas(X(1),Y(2),Z(3))\n000{0}5 &\n000{0}5 # X({1:.3f}), Y({2:.3f}), Z({3:.3f})"), MM,
+    ),
+    "words of touch variables": ("words", words("Q115 = {1:+.3f}\nQ116 = {2:+.3f}\nQ117 = {3:+.3f}"), MM),
+    "points in brackets": ("asc", "".join(f"P{k}: ({x}, {y}, {z})\n" for k, (x, y, z) in enumerate(P.tolist())), MM),
+    "points of an array": ("asc", "[[" + "]\n [".join(f"{x} {y} {z}" for x, y, z in P.tolist()) + "]]\n", MM),
+    "csv with bars": ("csv", "| No | X | Y | Z |\n|---|---|---|---|\n" + bars(P), MM),
+    "csv with groups of columns": (
+        "csv", ";Nominal;;;Actual;;\nName;X;Y;Z;X;Y;Z\n"
+        + "".join(f"P{k};1;2;3;{x};{y};{z:.4f}\n" for k, (x, y, z) in enumerate(P.tolist())), MM,
+    ),
+    "csv with units in its cells": (
+        "csv", "X,Y,Z\n" + "".join(f"{x} mm,{y} mm,{z:.4f} mm\n" for x, y, z in P.tolist()), {}
+    ),
+    "csv with a unit above": ("csv", "# Units: mm\nx,y,z\n" + rows(P, ","), {}),
+    "csv with remarks and a mean": (
+        "csv", "Name,X,Y,Z\n" + "".join(f"P{k},{x},{y},{z:.4f}\n" for k, (x, y, z) in enumerate(P.tolist()))
+        + "Name,X,Y,Z\nMean,1,2,3\nEnd of report\n", MM,
+    ),
+    "csv in Russian": ("csv", "X ном.;X изм.;Y изм.;Z изм.\n" + rows(np.c_[P[:, :1] + 1, P], ";"), MM),
+    "csv with glued names": ("csv", "NX,NY,NZ,MX,MY,MZ\n" + rows(np.c_[P + 1, P], ","), MM),
+    "csv of a survey": ("csv", "Northing,Easting,Elevation\n" + rows(P[:, [1, 0, 2]], ","), MM),
     "xyzijk with names": (
         "xyzijk", "".join(f"P{k + 1} {row}" for k, row in enumerate(rows(np.c_[P, UP]).splitlines(True))), MM
     ),

@@ -2,7 +2,8 @@
 
 Programs on controllers write their probe results so: DPRNT of FANUC and Haas (``DPRNT[X#5061[44]Y#5062[44]..]`` writes
 a blank for each leading zero; industryarena.com, "Discussion on HAAS DPRNT"), F-PRINT (FN 16) of Heidenhain and
-WRITE of Siemens, whose texts their author chooses, and exports such as ``P1, X=1.0, Y=2.0, Z=3.0, I=0, J=0, K=1``.
+WRITE of Siemens (also ``X1=`` and ``$AA_MW[X]=``), whose texts their author chooses, answers of I++ DME servers, and
+exports such as ``P1, X=1.0, Y=2.0, Z=3.0, I=0, J=0, K=1``.
 A line with G or M codes is a program, not a result, and is not read.
 """
 
@@ -15,16 +16,25 @@ import numpy as np
 from tanteo.io.logs.contents import Contents
 from tanteo.io.logs.log import Log, counted, unique
 from tanteo.io.logs.table_text import find_header
+from tanteo.io.logs.value_words import LENGTH_UNITS
 
 _VALUE = r"([-+]?) *(\d+(?:\.\d*|,\d+)?|\.\d+)(?![\d.]|[eE][-+]?\d)"
 _AXIS = r"(?:[ _-]?(?:axis|achse|act(?:ual)?|ist|meas(?:ured)?|pos(?:ition)?))?"
-_WORD = re.compile(rf"(?<![A-Za-z_])([XYZIJK]){_AXIS}[ \t]*[:=]?[ \t]*{_VALUE}", re.IGNORECASE)
-_CODE = re.compile(r"(?<![A-Za-z])[GM]\d", re.IGNORECASE)
+_UNIT = r"(?:[ \t]*(mm|inch|in|um|m)(?![A-Za-z]))?"
+_WORD = re.compile(
+    rf"(?<![A-Za-z_])([XYZIJK])(?:\d[ \t]*[:=]|\][ \t]*=|{_AXIS}[ \t]*[:=]?)[ \t]*{_VALUE}{_UNIT}", re.IGNORECASE
+)
+_CODE = re.compile(r"(?<![A-Za-z])[GM]\d|(?<![A-Za-z])(?:FMAX|R[0LR])(?![A-Za-z])|BEGIN PGM", re.IGNORECASE)
+_CALL = re.compile(r"(?<![A-Za-z])([XYZ])\(([^()]*)\)|IJK\(([^(),]*),([^(),]*),([^(),]*)\)")
+"""Words of I++ DME, ``X(1.5), Y(2), Z(3), IJK(0,0,1)``; only answers (``#``) are measured."""
+_COMMAND = re.compile(r"^\d{5} (?![#])")
+"""Lines of an I++ DME session that are no data: commands, acknowledgements and errors."""
 _POSITION_REPORT = re.compile(r"\bE:\s*[-\d]|\bCount\b")
 _NOMINAL = re.compile(r"\b([XYZ])([ \t]*)[-+\d.,]+[ \t]+ACTUAL\b", re.IGNORECASE)
 """A nominal position before the measured one, as Renishaw's Inspection Plus prints: ``POSN X 10. ACTUAL 10.002``."""
-_MACRO = re.compile(r"#506([123])[ \t]*(?==)")
-"""System variables of FANUC and Haas with the position of the skip signal (Haas, "Macro variables")."""
+_MACRO = re.compile(r"(?:#506([123])|\bQ11([567]))[ \t]*(?==)")
+"""Variables with the position of the touch: ``#5061`` of FANUC, Haas and LinuxCNC, ``Q115`` of Heidenhain (TNC 640
+user's manual, "Coordinates after probing")."""
 _NAME = re.compile(r"\s*(?![XYZ][-+ ]*[\d.])([A-Za-z][\w.-]{0,40}|\d{1,9})\s*[,;:]?\s+(?=[XYZ])", re.IGNORECASE)
 _ROWS = 40
 """Number of lines in which the header of a table is searched: names such as x1 in its cells are no words."""
@@ -39,7 +49,9 @@ def recognise(contents: Contents) -> bool:
         contents: file to test.
     """
     lines = contents.head.splitlines()
-    if any(_CODE.search(line) and _WORD.search(line) for line in lines) or find_header(lines[:_ROWS], "\t;,"):
+    if any(_CODE.search(line) and (_WORD.search(line) or "PGM" in line) for line in lines):
+        return False
+    if find_header(lines[:_ROWS], "\t;,|"):
         return False
     found, _ = _positions(lines)
     return len(found) >= _ENOUGH
@@ -71,8 +83,10 @@ def read(contents: Contents) -> Log:
         outward = None if np.isnan(outward).all() else outward
     notes = [f"{counted(lost, 'position')} without all of their words excluded."] if lost else []
     names = [name for _, name, _ in found]
+    units = {unit.lower() for line in contents.lines for *_, unit in _WORD.findall(line)}
     return Log(
         points=points,
+        unit=LENGTH_UNITS[units.pop()] if len(units) == 1 and "" not in units else None,
         outward=outward,
         ids=unique(names) if all(names) and len(set(names)) > 1 else None,
         notes=tuple(notes),
@@ -87,9 +101,12 @@ def _positions(lines: list[str]) -> tuple[list[tuple[int, str, dict[str, str]]],
     for k, line in enumerate(lines, start=1):
         if _POSITION_REPORT.search(line):
             continue
-        line = _MACRO.sub(lambda match: "XYZ"[int(match[1]) - 1], line)
+        if _COMMAND.match(line):
+            continue
+        line = _CALL.sub(lambda m: f"{m[1]}{m[2]}" if m[1] else f"I{m[3]} J{m[4]} K{m[5]}", line)
+        line = _MACRO.sub(lambda match: "XYZ"[int(match[1] or int(match[2]) - 4) - 1], line)
         line = _NOMINAL.sub(r"\1\2", line)
-        here = [(axis.upper(), sign + number.replace(",", ".")) for axis, sign, number in _WORD.findall(line)]
+        here = [(axis.upper(), sign + number.replace(",", ".")) for axis, sign, number, _ in _WORD.findall(line)]
         for axis, value in here:
             if axis in words:
                 lost += not set("XYZ") <= words.keys()

@@ -68,7 +68,7 @@ def read(contents: Contents) -> Log:
             kind = match[1].upper()
             name = match[2]
             shape = match[3].upper()
-            rest = _cells(match[4])
+            rest = [cell.upper() for cell in _cells(match[4])]
             if shape == "POINT" and rest[:1] == ["CART"]:
                 rows[kind].append(Feature(k, name, None, "", rest[1:4], rest[4:7]))
             elif kind == "FA" and (one := _round(k, name, shape, rest)):

@@ -7,9 +7,9 @@ from functools import partial
 
 from tanteo.errors import InputError, PluginError, TanteoError, did_you_mean
 from tanteo.io.logs import (
+    axis_rows,
     axis_words,
     bcnc,
-    calypso,
     cloud,
     cncprobe,
     console,
@@ -56,8 +56,8 @@ FORMATS: Registry[LogFormat] = Registry(
                 )
             ),
             LogFormat("reprap", "a height map of RepRapFirmware", reprap.recognise, reprap.read),
-            LogFormat("calypso", "a table of characteristics of Calypso", calypso.recognise, calypso.read),
-            LogFormat("pcdmis", "a listing or report of PC-DMIS", pcdmis.recognise, pcdmis.read),
+            LogFormat("pcdmis", "a listing of PC-DMIS", pcdmis.recognise, pcdmis.read),
+            LogFormat("report", "a report with one row for each axis", axis_rows.recognise, axis_rows.read),
             LogFormat("fusion", "a probe results file (G800, G801)", results.recognise, results.read, results.ENDS),
             LogFormat("dmis", "DMIS output", dmis.recognise, dmis.read, dmis.ENDS),
             LogFormat("tof", "frames of a multi-zone ranging sensor", tof.recognise, tof.read),

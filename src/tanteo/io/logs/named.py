@@ -1,8 +1,9 @@
 """Name files that hold no readings, or not in a form that can be read, and state what to export instead.
 
-The marks are those of the formats' own first lines: ISO 10303-21 (STEP), PDF, HTML; ``BEGIN PGM`` of Heidenhain;
-``CYCLE9xx`` of Siemens (SINUMERIK, Measuring cycles); ``Bilinear Leveling Grid`` of Marlin (``G29.cpp``);
-``[bed_mesh`` of Klipper's ``printer.cfg``.
+The marks are those of the formats' own first lines: ISO 10303-21 (STEP), PDF, HTML; ``BEGIN PGM`` of Heidenhain, and
+the logs of its touch probe cycles 420 to 431 (TNC 320, Touch probe cycles); ``CYCLE9xx`` and ``_OVR[]`` of Siemens
+(SINUMERIK, Measuring cycles); ``Bilinear Leveling Grid`` of Marlin (``G29.cpp``); ``[bed_mesh`` of Klipper's
+``printer.cfg``.
 """
 
 from __future__ import annotations
@@ -18,6 +19,13 @@ _NAMED = (
     (r"\A\s*<(?:!doctype html|html)\b", "a web page", "Export the measured points as text or CSV"),
     (r"^\s*\d*\s*BEGIN PGM\b", "a Heidenhain program", "Give the file that FN 16: F-PRINT writes, with X, Y and Z"),
     (r"^[^\n;]*\bCYCLE9\d\d\b", "a Siemens program or log of measuring cycles",
+     "Write the measured points with WRITE as lines X=.. Y=.. Z=.., or as a table"),
+    (r"^[*\s]*(?:Measuring log (?:for )?(?:probing|touch)|Messprotokoll Antastzyklus)",
+     "a log of Heidenhain's measuring cycles (TCHPR)",
+     "Write its actual values as a table x_mm,y_mm,hole_diameter_mm, or X, Y and Z of touches with FN 16"),
+    (r"^\s*#\d{1,4}\s*=", "variables of a macro",
+     "Write X, Y and Z of each touch with DPRNT[X#5061[44]Y#5062[44]Z#5063[44]]"),
+    (r"^[^\n]*\b_OV[RI]\[\d", "result variables of Siemens' measuring cycles",
      "Write the measured points with WRITE as lines X=.. Y=.. Z=.., or as a table"),
     (r"^(?:N\d+\s*)?G0?[0-3]\b[^\n]*[XYZ]|^\s*[O:]\d{4}\b|^(?:N\d+\s*)?G(?:90|91|20|21|54|65)\b",
      "a G-code program", "Give the log of the probed positions: DPRNT, a console log or PROBEOPEN write one"),

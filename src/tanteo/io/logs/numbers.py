@@ -58,6 +58,15 @@ class _Row:
     others: int
 
 
+_BRACKETS = re.compile(r"[\[({]{1,3}\s*([-+]?[\d.][-+\d.eE,;\s]{0,400}?)\s*[\])}]{1,3}(?=[\s,;]*$)")
+"""Coordinates in brackets at the end of a row: ``P1: (1, 2, 3)``, ``[[1 2 3]``."""
+
+
+def _bare(line: str) -> str:
+    """Return a row without brackets around its numbers."""
+    return _BRACKETS.sub(r"\1", line) if line.rstrip(" \t,;")[-1:] in (")", "]", "}") else line
+
+
 def _is_comment(line: str) -> bool:
     return line.startswith(_COMMENT)
 
@@ -68,7 +77,7 @@ def first_rows(contents: Contents) -> NumberRows | None:
     Args:
         contents: file to read.
     """
-    lines = [line.strip() for line in contents.head.splitlines()[: _ENOUGH + 20]]
+    lines = [_bare(line.strip()) for line in contents.head.splitlines()[: _ENOUGH + 20]]
     if len(contents.data) > len(contents.head.encode()):
         lines = lines[:-1] or lines
     kept = [line for line in lines if line and not _is_comment(line)]
@@ -91,7 +100,8 @@ def all_rows(contents: Contents, what: str) -> NumberRows:
         ReadingsError: a line is not numeric or has another number of columns, or the file ends within a number; the
             message names the line.
     """
-    kept = [(k, line) for k, line in enumerate(contents.lines, start=1) if line and not _is_comment(line)]
+    bare = map(_bare, contents.lines)
+    kept = [(k, line) for k, line in enumerate(bare, start=1) if line and not _is_comment(line)]
     if kept and is_whole(kept[0][1]):
         kept = kept[1:]
     first = [row for _, line in kept[:_ENOUGH] if (row := _row(line))]

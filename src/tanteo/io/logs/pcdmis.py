@@ -1,11 +1,9 @@
-"""Read listings of PC-DMIS's edit window, and its reports of locations.
+"""Read listings of PC-DMIS's edit window.
 
 A feature of the listing is ``PNT1 =FEAT/CONTACT/VECTOR POINT/DEFAULT,CARTESIAN``, ``THEO/<x,y,z>,<i,j,k>``, then
 ``ACTL/<x,y,z>,<i,j,k>``, the measured values (docs.hexagonmi.com, PC-DMIS core, "Understanding the General Command
 Format", "Creating a ReadPoint from the Probe's Position"); circles, cylinders and spheres have the diameter behind.
-Older versions write no angle brackets. In a report a feature is a line such as ``DIM LOC1= LOCATION OF POINT PNT1
-UNITS=MM``, a header ``AX NOMINAL +TOL -TOL MEAS DEV OUTTOL`` in any order ("Dimension Output Format"), and a row for
-each axis. Points are those of the surface: the program has compensated the ball.
+Older versions write no angle brackets. Points are those of the surface: the program has compensated the ball.
 """
 
 from __future__ import annotations
@@ -18,10 +16,6 @@ from tanteo.io.logs.round_features import Feature, log_of
 
 _FEATURE = re.compile(r"^\s*([^\s=]{1,60})\s*=\s*FEAT\s*/\s*([^\n]{1,300})", re.IGNORECASE)
 _VALUES = re.compile(r"^\s*(ACTL|THEO)\s*/\s*(.{1,300})", re.IGNORECASE)
-_REPORT = re.compile(r"^\s*AX\s+.*\bMEAS\b", re.MULTILINE)
-_DIMENSION = re.compile(
-    r"^\s*DIM\s+([^\s=]{1,60})\s*=\s*(?:LOCATION|POSITION) OF (\w+)\s+([^\s,]{1,60})", re.IGNORECASE
-)
 _UNITS = re.compile(r"\bUNITS\s*=\s*(MM|IN(?:CH)?)\b", re.IGNORECASE)
 _SHAPES = {"POINT": None, "CIRCLE": "circle", "CYLINDER": "cylinder", "SPHERE": "sphere"}
 _POLAR = ("POLAR", "POLR")
@@ -29,14 +23,13 @@ _SIDES = {"IN": "hole", "OUT": "boss"}
 
 
 def recognise(contents: Contents) -> bool:
-    """Return whether the file has measured values of the listing, or the header of a report.
+    """Return whether the file has measured values of the listing.
 
     Args:
         contents: file to test.
     """
-    if re.search(r"^\s*(?:ACTL|THEO)\s*/", contents.head, re.MULTILINE) and "FEAT/" in contents.head.replace(" ", ""):
-        return True
-    return _REPORT.search(contents.head) is not None
+    listed = re.search(r"^\s*(?:ACTL|THEO)\s*/", contents.head, re.MULTILINE)
+    return listed is not None and "FEAT/" in contents.head.replace(" ", "")
 
 
 def read(contents: Contents) -> Log:
@@ -49,12 +42,12 @@ def read(contents: Contents) -> Log:
         ReadingsError: there is none, or values are malformed.
     """
     lines = contents.lines[:-1] if contents.is_open else contents.lines
-    features, left, notes = _of_listing(lines) if any(map(_VALUES.match, lines)) else _of_report(lines)
+    features, left, notes = _of_listing(lines)
     if contents.is_open and lines:
         notes.append("The last line has no line break and is excluded: the file may be cut off.")
     if not features:
-        got = f"{counted(left, 'feature')} of other kinds or without all of X, Y, Z" if left else "none"
-        contents.fail("measured points (ACTL/ of a point or circle, or X, Y and Z of MEAS)", got, "Export the points.")
+        got = f"{counted(left, 'feature')} of other kinds" if left else "none"
+        contents.fail("measured points (ACTL/ of a point or circle)", got, "Export the points.")
     if left:
         notes.append(f"{counted(left, 'feature')} of other kinds, in polar coordinates or incomplete excluded.")
     unit = {"mm": "mm", "in": "in", "inch": "in"}.get((_UNITS.findall(contents.text) or [""])[0].lower())
@@ -88,35 +81,3 @@ def _of_listing(lines: list[str]) -> tuple[list[Feature], int, list[str]]:
                 begun = False
     notes = ["All measured values equal the nominal ones: was the program run?"] if equal == len(features) > 0 else []
     return features, left + begun, notes
-
-
-def _of_report(lines: list[str]) -> tuple[list[Feature], int, list[str]]:
-    features: list[Feature] = []
-    left, first, column = 0, 0, -1
-    name, shape, axes = "", None, dict[str, str]()
-
-    def end() -> None:
-        nonlocal left
-        if shape in ("circle", "cylinder") and {"X", "Y", "D"} <= axes.keys():
-            axes.setdefault("Z", "0")  # a centre counts at any height
-        if set("XYZ") <= axes.keys():
-            diameter = axes.get("D", "") if shape else ""
-            features.append(Feature(first, name, shape, "", [axes[a] for a in "XYZ"], [], diameter))
-        else:
-            left += bool(axes)
-
-    for k, line in enumerate(lines, start=1):
-        words = line.split()
-        if match := _DIMENSION.match(line):
-            end()
-            shape, name, axes, column = _SHAPES.get(match[2].upper()), match[3], {}, -1
-        elif words[:1] == ["AX"] and "MEAS" in words:
-            column = words.index("MEAS")
-        elif 0 < column < len(words) and re.fullmatch(r"[A-Z]{1,2}", words[0]):
-            if words[0] in axes:
-                end()
-                axes = {}
-            first = first if axes else k
-            axes[words[0]] = words[column]
-    end()
-    return features, left, []

@@ -25,7 +25,7 @@ from tanteo.io.logs.log import Log, counted
 from tanteo.io.logs.qif import tag, xml_root
 from tanteo.io.logs.round_features import Feature, log_of
 
-_JSON = re.compile(r"\A\s*(?:\{\s*\"|\[\s*[\[{])")
+_JSON = re.compile(r"\A\s*(?:\{\s*\"|\[\s*[\[{](?!\s*[-+.\d][-+.\deE]*[ \t]+[-+.\d]))")
 _XML = re.compile(r"\A\s*<(?:\?xml\b|!DOCTYPE\b|[A-Za-z_][\w.:-]*[\s>/])")
 _WEB = re.compile(r"\A\s*<(?:!doctype html|html)\b", re.IGNORECASE)
 

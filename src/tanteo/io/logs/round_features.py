@@ -9,6 +9,10 @@ import numpy as np
 from tanteo.io.logs.contents import Contents
 from tanteo.io.logs.log import Log, unique
 
+_LONGEST, _SLACK = 1.5, 1e-3
+"""Numerical: length above which three numbers are no direction but may be its angles [deg], and the largest deviation
+of the length of their cosines from one."""
+
 
 @dataclass(frozen=True, slots=True)
 class Feature:
@@ -51,6 +55,9 @@ def log_of(contents: Contents, features: list[Feature], unit: str | None, notes:
     vectors = None
     if all(len(one.vector) == 3 for one in features):
         vectors = contents.numbers([one.vector for one in features], lines, "a normal")
+        cosines = np.cos(np.radians(vectors))
+        angles = (np.linalg.norm(vectors, axis=1) > _LONGEST) & (np.abs(np.linalg.norm(cosines, axis=1) - 1) < _SLACK)
+        vectors = np.where(angles[:, None], cosines, vectors)  # direction angles, as GEOPAK of Mitutoyo writes them
         vectors[np.linalg.norm(vectors, axis=1) < 0.5] = np.nan
         vectors = None if np.isnan(vectors).all() else vectors
     ids = unique([one.name or str(one.line) for one in features])

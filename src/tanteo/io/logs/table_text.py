@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TextIO
 
 from tanteo.io.logs.contents import HEAD, encoding_of
+from tanteo.io.logs.value_words import stated_unit
 
 _SEPARATOR = re.compile(r"sep=(.)\s*$", re.IGNORECASE)
 _COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?", re.ASCII)
@@ -20,6 +21,10 @@ _ROWS = 40
 """Number of rows in which the header is searched."""
 _LEAST = 3
 """Smallest number of columns of a table of readings."""
+_MARKS = "\t;,| "
+"""Delimiters in the order in which they are tried."""
+_RULE = re.compile(r"[\s|+:=_-]+")
+"""Line that only separates, such as ``|---|---|``."""
 
 
 _END = "[END]"
@@ -29,21 +34,23 @@ _END = "[END]"
 class Lines:
     """Iterator over the lines of a table, which counts line numbers.
 
-    Comments, blank lines, and lines above the header are excluded.
+    Comments, blank lines, lines above the header, rules and repeated headers are excluded.
 
     Attributes:
         number: number of the current line.
         ended: whether the file ends in a line break, once all lines were read.
     """
 
-    def __init__(self, text: TextIO, titles: int = 0) -> None:
+    def __init__(self, text: TextIO, titles: int = 0, *, barred: bool = False) -> None:
         """Create an iterator.
 
         Args:
             text: open file.
             titles: number of lines above the header, see :attr:`TableText.titles`.
+            barred: whether cells are separated by bars, which may also stand at both ends of a line.
         """
-        self._text, self._titles = text, titles
+        self._text, self._titles, self._barred = text, titles, barred
+        self._header = ""
         self.number = 0
         self.ended = True
 
@@ -55,8 +62,16 @@ class Lines:
                 if self._titles or (self.number == 1 and _SEPARATOR.fullmatch(line)):
                     self._titles = max(self._titles - 1, 0)
                     continue
-                yield line
+                if line == self._header or (line[0] in " \t|+-=_" and _RULE.fullmatch(line)):
+                    continue
+                self._header = self._header or line
+                yield self._without_bars(line) if self._barred else line
         self.ended = line.endswith(("\n", "\r"))
+
+    def _without_bars(self, line: str) -> str:
+        """Return a line without bars at both ends; a last cell that its bar does not close is incomplete."""
+        closed = self._header.rstrip().endswith("|") <= line.rstrip().endswith("|")
+        return "|".join(_cells(line, "|")[: None if closed else -1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +84,8 @@ class TableText:
         decimal_comma: whether numbers have a decimal comma.
         titles: number of lines above the header, without blank lines and comments.
         converted: table that the file's other format was converted to; None where the file is the table.
+        unit: length unit that a comment or title states; None if there is none.
+        over: line above the header, which may name groups of its columns; empty if there is none.
     """
 
     encoding: str = "utf-8-sig"
@@ -76,6 +93,8 @@ class TableText:
     decimal_comma: bool = False
     titles: int = 0
     converted: str | None = None
+    unit: str | None = None
+    over: str = ""
 
     def open(self, path: Path) -> TextIO:
         """Open a file in this format.
@@ -84,6 +103,30 @@ class TableText:
             path: file to open.
         """
         return path.open(encoding=self.encoding, newline="") if self.converted is None else StringIO(self.converted)
+
+    def lines(self, text: TextIO) -> Lines:
+        """Return an iterator over the lines of the table.
+
+        Args:
+            text: open file.
+        """
+        return Lines(text, self.titles, barred=self.delimiter == "|")
+
+    def with_groups(self, header: list[str]) -> list[str]:
+        """Return the header with the names of groups above it, where its own names repeat: ``Nominal X``, ``Actual X``.
+
+        Args:
+            header: cells of the header.
+        """
+        names = [name for name in header if name.strip()]
+        over = _cells(self.over, self.delimiter) if self.over and len(set(names)) < len(names) else []
+        if len(over) < 2 or len(over) > len(header):
+            return header
+        group, out = "", list[str]()
+        for k, name in enumerate(header):
+            group = over[k] if k < len(over) and over[k] else group
+            out.append(f"{group} {name}".strip())
+        return out
 
     def place(self, path: Path, number: int) -> str:
         """Return the place of a line for messages.
@@ -115,15 +158,21 @@ def sniff(start: bytes, *, whole: bool) -> TableText | None:
         return None
     text = start.decode(encoding, errors="replace")
     lines = [
-        line for line in text.splitlines()[:_ROWS] if line.strip() and not line.lstrip("\ufeff \t").startswith("#")
+        line
+        for line in text.splitlines()[:_ROWS]
+        if line.strip() and not line.lstrip("\ufeff \t").startswith("#") and not _RULE.fullmatch(line)
     ]
     stated = _SEPARATOR.fullmatch(lines[0].lstrip("\ufeff")) if lines else None
-    marks = stated[1] if stated and stated[1] in ",;\t" else "\t;, "
+    marks = stated[1] if stated and stated[1] in ",;\t" else _MARKS
     rows = lines[1:] if stated else lines
     titles, delimiter = find_header(rows, marks) or (0, marks if stated else _delimiter(rows[0] if rows else ""))
     encoding = "utf-8-sig" if encoding == "utf-8" else encoding
     commas = delimiter != "," and _has_decimal_commas(rows[titles + 1 :], delimiter)
-    return TableText(encoding, delimiter, commas, titles + (stated is not None and titles > 0))
+    beside = [line for line in text.splitlines()[:_ROWS] if line.lstrip("\ufeff \t").startswith("#")]
+    return TableText(
+        encoding, delimiter, commas, titles + (stated is not None and titles > 0),
+        unit=stated_unit([*beside, *rows[:titles]]), over=rows[titles - 1] if titles else "",
+    )  # fmt: skip
 
 
 def find_header(rows: list[str], marks: str) -> tuple[int, str] | None:
@@ -148,7 +197,8 @@ def find_header(rows: list[str], marks: str) -> tuple[int, str] | None:
 
 
 def _cells(row: str, mark: str) -> list[str]:
-    """Return the cells of a row without empty ones at its end."""
+    """Return the cells of a row without empty ones at its end, and without bars at both ends."""
+    row = row.strip().strip("|") if mark == "|" else row
     cells = [cell.strip().strip('"') for cell in next(csv.reader([row], delimiter=mark, skipinitialspace=mark == " "))]
     while cells and not cells[-1]:
         cells.pop()
@@ -163,7 +213,7 @@ def _delimiter(header: str) -> str:
     outside = re.sub(r'"[^"]*"', "", header)
     found = next((mark for mark in ("\t", ";", ",") if mark in outside), None)
     if found is None:
-        return " " if len(outside.split()) > 2 and "|" not in outside else ","
+        return "|" if outside.count("|") >= _LEAST - 1 else " " if len(outside.split()) > 2 else ","
     return found
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
@@ -15,7 +15,7 @@ import numpy as np
 from tanteo.errors import ReadingsError, UnitError
 from tanteo.geometry.typing import BoolArray, FloatArray
 from tanteo.io.documents.schema import show
-from tanteo.io.logs.table_text import Lines, TableText
+from tanteo.io.logs.table_text import TableText
 from tanteo.io.poses.poses import FULL_TURN, MANY_TURNS, in_radians
 from tanteo.io.readings.assembling import LARGEST
 from tanteo.io.readings.columns import ANGLES, DIRECTION, NORMAL, OUTWARD, POINT, QUATERNION, Column, groups
@@ -23,6 +23,7 @@ from tanteo.io.readings.frames import Frames
 from tanteo.io.readings.hand_columns import ABB, notation_of
 from tanteo.io.readings.profiles import Profiles
 from tanteo.io.readings.range_rows import RangeRows
+from tanteo.io.readings.row_checks import Excluded
 
 _LARGEST_TIP = 1.0
 """Largest accepted tip radius [m]."""
@@ -55,6 +56,7 @@ class Sheet:
         text: encoding, delimiter and decimal sign of the file.
         above: number of rows above the first reading.
         frames: columns of a table of frames, of which each row holds one reading of each zone; None for other tables.
+        excluded: rows that are no readings.
     """
 
     path: Path
@@ -62,6 +64,7 @@ class Sheet:
     text: TableText
     above: int
     frames: Frames | RangeRows | Profiles | None = None
+    excluded: Excluded = field(default_factory=lambda: Excluded(0))
 
     @cached_property
     def by_base(self) -> Mapping[str, Column]:
@@ -76,9 +79,9 @@ class Sheet:
         """
         row = row if self.frames is None else row // len(self.frames.zones)  # for profiles: not before this row
         with self.text.open(self.path) as text:
-            lines = Lines(text, self.text.titles)
+            lines = self.text.lines(text)
             rows = csv.reader(lines, strict=True, delimiter=self.text.delimiter)
-            next(islice(rows, row + self.above, None), None)
+            next(islice(Excluded(len(self.columns)).rows(rows), row + self.above, None), None)
             return self.text.place(self.path, lines.number)
 
     def refuse(self, row: int, name: str, value: str, expected: str) -> NoReturn:

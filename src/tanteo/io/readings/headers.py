@@ -4,26 +4,26 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from unicodedata import combining, normalize
+
+from tanteo.io.logs.value_words import BESIDE, MEASURED, NOMINAL, VALUE, plain
 
 _BRACKETS = re.compile(r"(.*?)[\s_]*[\[({<]\s*([^\[\](){}<>]{0,20}?)\s*[\])}>]")
 _SLASH = re.compile(r"(.+?)\s*/\s*(\w+|°)")
+_GLUED = re.compile(rf"(m|p|pt|pos|point|{MEASURED})([xyz])|([xyz])(m|a|{MEASURED})")
+"""Names of coordinates with a word or letter for measured values: ``MX``, ``ActX``, ``Xa``."""
+_SURVEYED = {"easting": "x", "northing": "y", "elevation": "z", "ostwert": "x", "rechtswert": "x", "hochwert": "y"}
+"""Coordinates of surveying: east, north, up is a right-handed frame."""
 _BLANKS = re.compile(r"[\s.\-]+")
 _UNIT_WORDS = {
     "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm", "meter": "m", "meters": "m",
     "metre": "m", "metres": "m", "inch": "in", "inches": "in", '"': "in", "micron": "um", "microns": "um",
     "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg", "radian": "rad", "radians": "rad",
 }  # fmt: skip
-_MEASURED = "|".join((
-    "actual", "act", "measured", "meas", "ist", "gemessen", "mesuree?", "medid[oa]", "misurat[oa]", "gemeten",
-    "zmierzon[aey]", "uppmatt", "実測", "实测", "測定", "测定", "測量", "测量",
-))  # fmt: skip
-"""Words for measured values, in ten languages."""
-_ACTUAL = re.compile(rf"^(?:{_MEASURED})_|_?(?:(?<=_)|(?<=[xyz]))(?:{_MEASURED})(?=_|$)")
+_ACTUAL = re.compile(rf"^(?:{MEASURED})_|_?(?:(?<=_)|(?<=[xyz]))(?:{MEASURED})_?{VALUE}?(?=_|$)")
 _BESIDE = re.compile(
     r"(?:time|t|stamp|timestamp|time_stamp|date|datetime|comments?|remarks?|notes?|operator|temp|temperature|feed|feedrate|speed"
-    r"|serial|batch|tol|tolerance|upper_tol|lower_tol|dev|deviation|result|out_of_tol|(?:nominal|nom|soll|dev|deviation)_\w+"
-    r"|\w+_(?:nominal|nom|soll|dev|deviation|tol))(?:_(?:mm|in|um|m|deg|rad|s|ms|c))?"
+    r"|serial|batch|tol|tolerance|upper_tol|lower_tol|dev|deviation|result|out_of_tol"
+    rf"|(?:{NOMINAL}|{BESIDE})_\w+|\w+_(?:{NOMINAL}|{BESIDE}))(?:_(?:mm|in|um|m|deg|rad|s|ms|c))?"
 )
 _COORDINATE = re.compile(
     r"(?:(?:coord(?:inate)?s?|pos(?:ition)?|wert|value|valeur|valore?|waarde)_)?([xyz])(?:_?(?:座標|坐标|値|值)"
@@ -35,29 +35,10 @@ _DIAMETER = re.compile(
 )
 """Name of the diameter of a hole in a table of holes without heights."""
 _NAMES = (
-    "no",
-    "nr",
-    "num",
-    "number",
-    "index",
-    "point",
-    "points",
-    "point_no",
-    "point_nr",
-    "pt",
-    "name",
-    "point_name",
-    "nummer",
-    "punkt",
-    "messpunkt",
-    "punktname",
-    "punto",
-    "punt",
-    "hole",
-    "bohrung",
-    "点名",
-    "点号",
-)
+    "no", "nr", "num", "number", "index", "point", "points", "point_no", "point_nr", "pt", "name", "point_name",
+    "nummer", "punkt", "messpunkt", "punktname", "punto", "punt", "ponto", "pont", "bod", "nokta", "точка", "hole",
+    "bohrung", "target", "点名", "点号", "点", "점",
+)  # fmt: skip
 GROUPS_OF_READINGS = (
     "line", "scan_line", "line_no", "line_number", "profile", "scan", "pass", "collection",
     "speed", "feed", "feedrate", "feed_rate",
@@ -95,8 +76,7 @@ def canonical(cell: str) -> str:
     Args:
         cell: header cell as written.
     """
-    text = cell.strip().strip("\"'").strip().lower().replace("µ", "u").replace("μ", "u")
-    text = text if text.isascii() else "".join(c for c in normalize("NFKD", text) if not combining(c))
+    text = plain(cell.strip().strip("\"'").strip())
     if len(text) > _LONGEST:
         return text
     match = _BRACKETS.fullmatch(text) or _SLASH.fullmatch(text)
@@ -110,6 +90,8 @@ def canonical(cell: str) -> str:
         text = f"{head}_{_UNIT_WORDS[last]}"
     text = with_unit(text, unit)
     text = _ACTUAL.sub("", text)
+    head, _, last = text.partition("_")
+    text = f"{_SURVEYED[head]}_{last}".strip("_") if head in _SURVEYED else text
     if place := _COORDINATE.fullmatch(text):
         return f"{place[1]}_{place[2].strip('_')}" if place[2] else place[1]
     if of_hole := _OF_HOLES.fullmatch(text):
@@ -141,16 +123,13 @@ def without_nominal(names: Sequence[str], written: Sequence[str]) -> list[str]:
         names: canonical column names.
         written: header cells as written.
     """
-    measured = [re.search(rf"(?:^|[^a-z])(?:{_MEASURED})(?:[^a-z]|$)", _plain(cell)) is not None for cell in written]
+    measured = [re.search(rf"(?:^|[^a-z])(?:{MEASURED})(?:[^a-z]|$)", plain(cell)) is not None for cell in written]
     twice = {name for name in names if name[:1] in ("x", "y", "z") and names.count(name) == 2}
     sure = {name for name in twice if sum(m for n, m in zip(names, measured, strict=True) if n == name) == 1}
     return [f"nominal_{n}" if n in sure and not m else n for n, m in zip(names, measured, strict=True)]
 
 
-_NO_POINT = re.compile(
-    r"nom|nominal|soll|theo\w*|teor\w*|dev\w*|abw\w*|ecart|scarto|tol\w*|delta|diff\w*|err\w*|hand|normal|dir\w*|ref\w*|cad"
-    r"|cm|dm|km|nm|ft|px"
-)
+_NO_POINT = re.compile(rf"{NOMINAL}|{BESIDE}|hand|normal|dir\w*|cm|dm|km|nm|ft|px")
 """Words of vectors that are no measured point, and units that are not accepted."""
 
 
@@ -165,22 +144,22 @@ def with_coordinates(names: Sequence[str], written: Sequence[str]) -> list[str]:
     """
     found = dict[str, dict[str, int]]()
     for k, cell in enumerate(written):
-        tokens = re.findall(r"[^\W_]+", _BRACKETS.sub(r"\1", _plain(cell)))
+        tokens = re.findall(r"[^\W_]+", _BRACKETS.sub(r"\1", plain(cell)))
+        glued = [match for token in tokens if (match := _GLUED.fullmatch(token))]
+        if len(glued) == 1 and not {"x", "y", "z"} & set(tokens):
+            tokens += [glued[0][2] or glued[0][3], "(glued)"]
         axes = [token for token in tokens if token in ("x", "y", "z")]
         if len(axes) == 1 and not any(_NO_POINT.fullmatch(token) for token in tokens):
-            pattern = " ".join("*" if token == axes[0] else token for token in tokens)
+            pattern = " ".join("*" if axes[0] in token else token for token in tokens)
             found.setdefault(pattern, {}).setdefault(axes[0], k)
     triples = [columns for columns in found.values() if len(columns) == len("xyz")]
     if len(triples) != 1:
         return list(names)
     at = {k: axis for axis, k in triples[0].items()}
     units = [match[1] if (match := re.search(r"(_(?:mm|um|in|m))$", name)) else "" for name in names]
+    if any("(glued)" in pattern and columns is triples[0] for pattern, columns in found.items()):
+        names = [f"nominal_{name}" if name in ("nx", "ny", "nz") else name for name in names]  # NX beside MX
     return [f"{at[k]}{units[k]}" if k in at else name for k, name in enumerate(names)]
-
-
-def _plain(cell: str) -> str:
-    """Return a header cell in small letters without accents."""
-    return "".join(c for c in normalize("NFKD", cell.lower()) if not combining(c))
 
 
 def with_height(names: Sequence[str]) -> list[str] | None:

@@ -10,11 +10,11 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from tanteo.errors import ReadingsError
+from tanteo.errors import ReadingsError, UnitError
 from tanteo.geometry import SO3
 from tanteo.io.logs.contents import lost_digits
 from tanteo.io.logs.json_table import is_json_of_ranges, table_of_json
-from tanteo.io.logs.table_text import HEAD_BYTES, Lines, TableText, sniff
+from tanteo.io.logs.table_text import HEAD_BYTES, TableText, sniff
 from tanteo.io.poses.transforms import Track
 from tanteo.io.readings import units
 from tanteo.io.readings.analog import find_analog
@@ -25,6 +25,7 @@ from tanteo.io.readings.headers import canonical, units_row, with_height
 from tanteo.io.readings.list_cells import find_lists
 from tanteo.io.readings.profiles import find_profiles
 from tanteo.io.readings.range_rows import range_header
+from tanteo.io.readings.row_checks import Excluded, units_of_cells
 from tanteo.io.readings.stated import Stated
 from tanteo.io.readings.table import Table
 from tanteo.replaced import replaced
@@ -38,6 +39,9 @@ _LARGEST_JSON = 200_000_000
 
 _LAST = 50
 """Number of rows whose decimals are compared with those of the last cell."""
+
+_UNIT_LETTERS = " minu"
+"""Letters of the length units that may stand in cells."""
 
 _UNITS = (*units.LENGTH_UNITS, *units.ANGLE_UNITS)
 
@@ -86,7 +90,7 @@ def read_track(path: Path, *, units: str | None = None, brand: str | None = None
     if how is None:
         raise ReadingsError(f"{path}: expected a table of hand poses as text, got a binary file. Export it as CSV.")
     with how.open(path) as text:
-        lines = Lines(text)
+        lines = how.lines(text)
         rows = csv.reader(lines, strict=True, delimiter=how.delimiter, skipinitialspace=how.delimiter == " ")
         header = next(rows, None) or []
         place = f"{path}, line {lines.number}"
@@ -100,7 +104,7 @@ def read_track(path: Path, *, units: str | None = None, brand: str | None = None
 def _read_rows(
     path: Path, text: TextIO, how: TableText, stated: Stated, progress: Callable[[int], None] | None
 ) -> Readings:
-    lines = Lines(text, how.titles)
+    lines = how.lines(text)
     rows = csv.reader(lines, strict=True, delimiter=how.delimiter, skipinitialspace=how.delimiter == " ")
     try:
         header = next(rows, None)
@@ -108,10 +112,17 @@ def _read_rows(
             raise ReadingsError(f"{path}: expected a header line, got an empty file. Name the columns in it.")
         while how.delimiter != "," and len(header) > 1 and not header[-1].strip():
             header.pop()
+        header = how.with_groups(header)
         place = f"{path}, line {lines.number}"
+        if how.unit is not None and stated.units not in (None, how.unit):
+            raise UnitError(f"{path}: expected lengths in {how.unit}, as the file states, got --units {stated.units}.")
         second = next(rows, None)
         below = units_row(second, _UNITS) if second and len(second) >= len(header) else None
         rest: Iterator[list[str]] = rows if below is not None or second is None else chain([second], rows)
+        above = 1 if below is None else 2
+        below = below or units_of_cells(header, second or ())
+        left = Excluded(len(header))
+        rest = left.rows(rest)
         flat = with_height(header)
         if flat is not None:
             rest = (_with_height(row, len(flat)) for row in rest)
@@ -129,14 +140,14 @@ def _read_rows(
         if frames is not None:
             rest, header = frames.rows(rest, len(header)), list(frames.header)
         columns = read_header(
-            header, place, units=stated.units, brand=stated.brand, below=(below or ())[: len(header)],
+            header, place, units=stated.units or how.unit, brand=stated.brand, below=(below or ())[: len(header)],
             placed=stated.hand is not None, timed=isinstance(stated.hand, Track),
         )  # fmt: skip
-        table = Table(Sheet(path, columns, how, above=1 if below is None else 2, frames=frames), stated)
+        table = Table(Sheet(path, columns, how, above=above, frames=frames, excluded=left), stated)
         last: list[str] = []
         while chunk := list(islice(rest, CHUNK)):
             table.add(chunk)
-            last = [row[len(columns) - 1] for row in chunk[-_LAST:]]
+            last = [row[len(columns) - 1].rstrip(_UNIT_LETTERS) for row in chunk[-_LAST:]]
             if progress is not None:
                 progress(table.count)
     except csv.Error as error:
@@ -170,7 +181,7 @@ def _no_table(path: Path, number: int, how: TableText, error: csv.Error) -> Read
         return ReadingsError(f"{path}, line {number}: expected comma-separated cells, got: {error}. Correct the line.")
     first = number
     with how.open(path) as text:
-        lines = Lines(text, how.titles)
+        lines = how.lines(text)
         rows = csv.reader(lines, strict=True, delimiter=how.delimiter)
         try:
             for _ in rows:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from tanteo.errors import ReadingsError, check_kind
@@ -13,6 +14,7 @@ from tanteo.io.logs.formats import FORMATS, format_named, read_log, recognise
 from tanteo.io.logs.json_table import is_json_of_ranges
 from tanteo.io.logs.log import LogFormat
 from tanteo.io.logs.named import refuse_by_name
+from tanteo.io.logs.value_words import stated_unit
 from tanteo.io.poses.transforms import Track
 from tanteo.io.readings.analog import parse_scale
 from tanteo.io.readings.bags import is_bag, read_bag, shifted
@@ -31,6 +33,9 @@ _RECOGNISED = 2_000_000
 
 _LARGEST_LOG = 2_000_000_000
 """Largest log that is read into memory [bytes]."""
+
+_TITLES = 40
+"""Number of lines in which a unit of the whole file is searched, as ``Units: mm``."""
 
 _SPREADSHEETS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
 
@@ -194,6 +199,8 @@ def _read_log(path: Path, form: LogFormat, stated: Stated) -> Readings:
         )
     contents = Contents(path.read_bytes(), f"{path} ({form.words})")
     log = read_log(form, contents)
+    if log.unit is None and contents.encoding is not None:
+        log = replace(log, unit=stated_unit(contents.head.splitlines()[:_TITLES]))
     with guarded(FORMATS.origin(form.name), f"arrays of {path} that fit each other"):
         return readings_of(log, stated, form, str(path))
 

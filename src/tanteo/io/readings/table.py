@@ -15,11 +15,12 @@ from tanteo.io.logs.log import counted
 from tanteo.io.poses.transforms import Track
 from tanteo.io.readings.assembling import TIME, assemble, rows_of, step_of
 from tanteo.io.readings.cells import Numbers, Sheet
-from tanteo.io.readings.columns import DIRECTION, NORMAL, OUTWARD, POINT, Column
+from tanteo.io.readings.columns import DIRECTION, LENGTHS, NORMAL, OUTWARD, POINT, Column
 from tanteo.io.readings.hand_columns import PLACE, hand_poses, skewed_row, stated_brand
 from tanteo.io.readings.profiles import Profiles
 from tanteo.io.readings.range_codes import decode, is_code, note_on_codes, refuse_strange
 from tanteo.io.readings.stated import Stated
+from tanteo.io.readings.units import LENGTH_UNITS
 from tanteo.sensors import Readings
 from tanteo.sensors.kinds import reading_kinds
 
@@ -38,8 +39,8 @@ _FEW = 3
 """Smallest number of vectors whose lengths are judged."""
 _SHOWN = 20
 """Largest number of excluded columns that a note lists."""
-_WITH_UNIT = re.compile(r"(-?\d+(?:\.\d+)?)\s*(mm|cm|m)")
-_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+_WITH_UNIT = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*(mm|cm|m|um|in)")
+_METRES = {**LENGTH_UNITS, "cm": 1e-2}
 INVALID = "invalid"
 """Status of a row without a measurement, which is excluded."""
 _STATUSES, _SIDES = ("ok", "none", INVALID), ("hole", "boss")
@@ -58,7 +59,7 @@ def _are_deviations(vectors: FloatArray | None) -> bool:
 
 
 def _without_unit(cell: str, metre: float) -> str:
-    """Return a range cell such as ``142 mm`` as a number in the unit of its column."""
+    """Return a cell such as ``142 mm`` as a number in the unit of its column."""
     match = _WITH_UNIT.fullmatch(cell.strip())
     return cell if match is None else f"{float(match[1]) * _METRES[match[2]] / metre:.12g}"
 
@@ -196,6 +197,8 @@ class Table:
         for k, cell in enumerate(cells):
             if not (bare := cell.strip()):
                 continue
+            match = _WITH_UNIT.fullmatch(bare) if column.base in LENGTHS else None
+            bare = match[1] if match and _METRES[match[2]] == column.factor else bare
             try:
                 number = float(bare) if bare.isascii() and "_" not in bare else math.nan
             except ValueError:
@@ -259,7 +262,7 @@ class Table:
         }  # fmt: skip
         note = self.sheet.text.note()
         left = [c.written or "(no name)" for c in self.sheet.columns if c.left_out and not c.advice]
-        notes = [note] if note else []
+        notes = [*([note] if note else []), *self.sheet.excluded.notes()]
         more = f" and {len(left) - _SHOWN} more" if len(left) > _SHOWN else ""
         notes += [f"Columns excluded: {', '.join(left[:_SHOWN])}{more}."] if left else []
         if deviations:
