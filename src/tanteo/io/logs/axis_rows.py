@@ -214,7 +214,7 @@ def _cell(k: int, row: _Row) -> str:
 
 
 def _divide(rows: Sequence[_Row], key: Callable[[_Row], str]) -> list[tuple[str, list[_Row]]]:
-    """Return the rows by a name, which continues where it is empty, and anew where an axis repeats."""
+    """Return the rows by a name, which continues where it is empty; a repeated axis begins another feature."""
     out = list[tuple[str, list[_Row]]]()
     last = dict[str, list[_Row]]()
     name = ""
