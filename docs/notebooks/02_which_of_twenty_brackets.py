@@ -14,10 +14,12 @@ from tempfile import TemporaryDirectory
 import matplotlib.pyplot as plt
 import numpy as np
 
+import tanteo
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.planning import Probe, Sensing, discriminate
-from tanteo.posterior import identify_points, prepare
+from tanteo.planning import Probe, discriminate
+from tanteo.planning.following import next_reading
+from tanteo.posterior import prepare
 from tanteo.sensors import Readings
 from tanteo.sensors.presets import NoiseLaw
 
@@ -85,15 +87,7 @@ readings = read(true, 24, seed=4)
 # The answer
 # ----------
 #
-# Every bracket and the unknown object get a probability; the sum is one. The surface of each part is prepared once.
-# ``tanteo.identify(readings, parts)`` does both in each call.
-
-targets = [prepare(part) for part in parts]
-
-
-def identify(readings, targets):
-    """Return the answer for unlabelled readings."""
-    return identify_points(*Sensing().touches(readings)[:2], targets, top=20)
+# Every bracket and the unknown object get a probability; the sum is one.
 
 
 def probabilities(answer):
@@ -105,7 +99,7 @@ def probabilities(answer):
 
 
 counts = (6, 12, 24)
-answers = [identify(readings.take(np.arange(n)), targets) for n in counts]
+answers = [tanteo.identify(readings.take(np.arange(n)), parts, top=20) for n in counts]
 print(answers[-1].status, "-", answers[-1].message)
 print("true:", true.name)
 
@@ -113,7 +107,8 @@ print("true:", true.name)
 # The picture
 # -----------
 #
-# With few readings many brackets are possible. More readings concentrate the probability on one.
+# With few readings several brackets are possible. More readings concentrate the probability on one: the true bracket
+# is blue.
 
 figure, axes = plt.subplots(1, len(counts), sharey=True, figsize=(10, 6))
 for axis, n, found in zip(axes, counts, answers, strict=True):
@@ -139,21 +134,28 @@ for n, found in zip(counts, answers, strict=True):
 # ---------------------
 #
 # **Two brackets that the readings do not discriminate.** They differ by a millimetre at the end of the foot, where
-# there is no reading. The answer has the status *ambiguous*, and names the reading that would decide.
+# there is no reading. The answer has the status *ambiguous*. ``next_reading`` finds the reading that would decide: its
+# start, its direction, and the range that each bracket predicts.
 
-twins = [targets[0], targets[4]]
-print("twins:", " and ".join(twin.part.name for twin in twins))
-seen = read(twins[0].part, 30, seed=7)
+twins = [parts[0], parts[4]]
+print("twins:", " and ".join(twin.name for twin in twins))
+seen = read(twins[0], 30, seed=7)
 away = seen.take(SE3.apply(SE3.inverse(truth), seen.points)[:, 0] < 0.05)
-open_ = identify(away, twins)
-print(open_.status, "-", open_.message)
+undecided = tanteo.identify(away, twins)
+print(undecided.status, "-", undecided.message)
+laser = Probe("laser", NoiseLaw.of(SD), standoff=0.05)
+step = next_reading(undecided, twins, laser).finding
+print("from", 1e3 * np.round(step.start, 4), "mm along", np.round(step.direction, 2) + 0.0)
+for one in step.expected:
+    hit = np.isfinite(one.distance)
+    print(f"  {one.part}:", f"{1e3 * one.distance:.2f} mm, sd {1e3 * one.sd:.2f} mm" if hit else "no surface")
 
 # %%
-# The best single reading is computed: the one whose expected values for both brackets differ most, relative to the
-# noise.
+# The best reading can be computed before any other, too. Both brackets are aligned as well as possible, and the laser
+# reads where they still differ.
 
-laser = Probe("laser", NoiseLaw.of(SD), standoff=0.05)
-best = discriminate(*twins, laser)
+best = discriminate(*map(prepare, twins), laser)
+print("from", (1e3 * best.origin).round(1), "mm along", best.direction.round(2) + 0.0)
 print(best.message)
 
 # %%
@@ -165,5 +167,5 @@ with TemporaryDirectory() as folder:
     file = Path(folder) / "other.off"
     file.write_text(bracket(65, 47.5, 5.5, 5, 31))
     other = read_part(file, unit="mm")
-found = identify(read(other, 24, seed=5), targets)
+found = tanteo.identify(read(other, 24, seed=5), parts)
 print(found.status, "-", found.message)

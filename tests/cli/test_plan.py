@@ -216,6 +216,19 @@ def test_a_robot_program_keeps_to_tool_table_and_time(run):
     assert (np.linalg.norm(found[:, 1, :3] - found[:, 0, :3], axis=1) < 0.04).all()  # the slow part
 
 
+def test_no_program_of_touches_that_cannot_keep_the_goal(run):
+    """A tip that is known to 0.3 mm keeps no 0.2 mm: a program of a few touches would look like a plan."""
+    words = "plan", "--part", BRACKET, "--sd", "0.05mm", "--tip-radius", "1.5mm", "--program", "ur"
+    got = run(*words, "--goal", "0.2mm")
+    assert got.code == 3
+    assert got.out == ""
+    assert "No number of readings places all corners" in got.err
+    assert "no program is written" in got.err
+    least = re.search(r"Plan for more than ([\d.]+ mm)", got.err)
+    assert least
+    assert float(least[1].split()[0]) == pytest.approx(0.6, rel=0.4)
+
+
 def test_a_log_of_a_robot_program_has_the_pose_of_the_tool(run, tmp_path):
     common = "plan", "--part", BRACKET, "--goal", "0.5mm", "--sd", "0.05mm", "--tip-radius", "1.5mm", "--program", "ur"
     assumed = run(*common)

@@ -135,7 +135,7 @@ def test_a_robot_that_is_off_moves_its_readings_alone(bracket):
     """Place and turn of its base, the turn about the world's origin, far from which the part lies: one more draw."""
     T = SE3.from_parts(SO3.exp(np.array([0.3, 0.2, 1.0])), np.array([0.8, -0.5, 0.2]))
     sds, start = (2e-4, 3e-4), at_pose(bracket, T, C)
-    found = plan(start, replace(TOUCH, base_sds=sds), 1e-5, max_measurements=1)
+    found = plan(start, replace(TOUCH, base_sds=sds), 2e-3, max_measurements=1)
     base = SE3.adjoint_inverse(T) @ np.diag(np.repeat(np.square(sds), 3)) @ SE3.adjoint_inverse(T).T
     (reading,) = found.readings
     ranges, cosines, _, g = beam_hits(bracket, T[None], reading.origin[None], reading.direction[None])
@@ -165,12 +165,27 @@ def test_planned_readings_meet_their_faces_wherever_part_may_be(bracket):
 
 
 def test_a_bias_does_not_average_out(bracket):
-    """Straight from above, more touches never place the part's height better than the bias that they share."""
+    """Straight from above, touches never place the part's height better than the bias that they share."""
     biased = replace(TOUCH, law=NoiseLaw.of(1e-5), shared_sd=5e-4, approach=np.array([0, 0, -1.0]), cone=1e-6)
+    start = at_pose(bracket, np.eye(4), np.diag([1e-6, 1e-6, 5e-3, 1e-6, 1e-6, 1e-6]) ** 2)
+    limit = plan(start, biased, 5e-4).findings[0]
+    assert limit.source == "bias"
+    assert limit.sd == pytest.approx(5e-4, rel=0.02)
+    assert limit.least == pytest.approx(1.96 * 5e-4, rel=0.05)
+    kept = plan(start, biased, 1.1 * limit.least)
+    assert kept.reached
+    assert kept.readings[-1].covariance[2, 2] ** 0.5 > 0.99 * 5e-4
+
+
+def test_the_largest_shared_error_is_what_limits_a_plan(bracket):
+    """Also beside others, and a reach that leaves directions free is not blamed on an error."""
     start = at_pose(bracket, np.eye(4), C)
-    few, many = (plan(start, biased, 1e-5, max_measurements=n) for n in (8, 20))
-    z = [r.covariance[2, 2] ** 0.5 for p in (few, many) for r in p.readings[-1:]]
-    assert min(z) > 0.9 * 5e-4
+    both = replace(TOUCH, form_sd=2e-5, base_sds=(2e-4, 0.0))
+    assert plan(start, both, 2e-4).findings[0].source == "robot"
+    assert plan(start, replace(both, form_sd=1e-3), 2e-4).findings[0].source == "form"
+    above = plan(start, replace(both, approach=-UP, cone=0.5), 1e-3)
+    assert above.findings[0].kind == "reach_limits"
+    assert above.readings == ()
 
 
 def test_a_robot_that_is_off_is_what_limits_the_plan(bracket):

@@ -34,7 +34,7 @@ def assumed_errors(
 
 def stated_columns(
     points: Vectors, directions: Vectors, normals: Vectors, errors: Sequence[ErrorState]
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
     """Return the effect of stated errors on the ranges of candidate readings, whose order is not known yet.
 
     An error that depends on the order, such as a drift, has its mean over an order and the reverse. The deviation from
@@ -47,20 +47,21 @@ def stated_columns(
         errors: the errors.
 
     Returns:
-        Derivatives of the ranges by the states, whose unit is their standard deviation ``(n, d)`` [m], and variances of
-        the independent rest ``(n,)`` [m^2].
+        Derivatives of the ranges by the states, whose unit is their standard deviation ``(n, d)`` [m], variances of
+        the independent rest ``(n,)`` [m^2], and name of the error of each state ``(d,)``.
     """
-    effects, rest = [np.zeros((len(points), 0))], np.zeros(len(points))
+    effects, rest, names = [np.zeros((len(points), 0))], np.zeros(len(points)), []
     for error in errors:
         forward = error.columns(_sensed(points, directions, 0.0))
         backward = error.columns(_sensed(points[::-1], directions[::-1], 0.0)).points[::-1]
         mean = 0.5 * (forward.points + backward)
         effects.append(error.spread * error.sd * np.einsum("ni,nid->nd", normals, mean))
+        names += [error.name] * mean.shape[2]
         off = np.mean((forward.points - mean) ** 2, axis=0).sum(axis=1)
         rest += (error.spread * error.sd) ** 2 * normals**2 @ off
         if forward.covs is not None:
             rest += np.einsum("ni,nij,nj->n", normals, forward.covs, normals)
-    return np.concatenate(effects, axis=1), rest
+    return np.concatenate(effects, axis=1), rest, tuple(names)
 
 
 def _sensed(points: Vectors, directions: Vectors, noise: float) -> Sensed:

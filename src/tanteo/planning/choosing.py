@@ -14,7 +14,8 @@ _SWEEPS, _STARTS = 6, 12
 def choose(design: Design, tolerance: float, confidence: float, max_measurements: int, *, can: bool) -> IntArray:
     """Return the smallest set of candidates that achieves the tolerance, or the best set of the allowed size.
 
-    The candidates are in the order of their benefit.
+    The set is empty if not even infinitely many readings achieve the tolerance. The candidates are in the order of
+    their benefit.
 
     Args:
         design: linear problem of the plan.
@@ -23,11 +24,10 @@ def choose(design: Design, tolerance: float, confidence: float, max_measurements
         max_measurements: largest number of readings.
         can: whether all candidates together achieve the tolerance.
     """
+    if design.chance(design.limit, tolerance) < confidence:
+        return np.zeros(0, dtype=np.int64)
     chosen = _linear(design.steadied(), tolerance, confidence, max_measurements)
-    limited = design.chance(design.limit, tolerance) < confidence
-    if not limited:
-        chosen = _steady(design, chosen, tolerance, confidence, max_measurements, exchange=can)
-    return _ordered(design, chosen)
+    return _ordered(design, _steady(design, chosen, tolerance, confidence, max_measurements, exchange=can))
 
 
 def _linear(design: Design, tolerance: float, confidence: float, max_measurements: int) -> list[int]:
@@ -38,8 +38,6 @@ def _linear(design: Design, tolerance: float, confidence: float, max_measurement
         chosen = min((_exchanged(design, start) for start in starts), key=design.cost_of)
         if design.chance(design.after(np.array(chosen)), tolerance) >= confidence:
             break
-        if design.chance(design.limit, tolerance) < confidence:
-            break  # the error of the robot is too large for any number of readings
     return chosen
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -64,6 +65,7 @@ class Design:
         chosen_by: sampled placements by which readings are chosen.
         judged_by: independent placements by which the choice is evaluated.
         stated: further stated errors that the readings share.
+        sources: source of each state ``(D,)``: ``pose``, ``bias``, ``robot``, ``form``, or the name of a stated error.
     """
 
     target: PreparedPart
@@ -81,6 +83,7 @@ class Design:
     chosen_by: Placements
     judged_by: Placements
     stated: tuple[ErrorState, ...] = ()
+    sources: tuple[str, ...] = ()
 
     def after(self, chosen: IntArray) -> Covariances:
         """Return the covariance of the states after the readings of some candidates ``(D, D)``.
@@ -141,9 +144,30 @@ class Design:
             C: covariance of the states ``(D, D)``.
             tolerance: largest allowed displacement of a point [m].
         """
+        return float(np.mean(self._errors(C) <= tolerance))
+
+    def least_goal(self, C: Covariances, confidence: float) -> float:
+        """Return the smallest tolerance that all points keep with a probability, for a covariance of the states [m].
+
+        Args:
+            C: covariance of the states ``(D, D)``.
+            confidence: probability.
+        """
+        return float(np.quantile(self._errors(C), confidence))
+
+    def _errors(self, C: Covariances) -> FloatArray:
+        """Return the largest displacement of a point at poses that are sampled from a covariance of the states [m]."""
         values, vectors = np.linalg.eigh(self.pose(C))
-        xi = even_normals(_POSES) @ (vectors * np.sqrt(values.clip(0.0))).T
-        return float(np.mean(self._off(xi) <= tolerance))
+        return self._off(even_normals(_POSES) @ (vectors * np.sqrt(values.clip(0.0))).T)
+
+    def limit_without(self, sources: Collection[str]) -> Covariances:
+        """Return the covariance of the pose after infinitely many readings without some errors ``(6, 6)``.
+
+        Args:
+            sources: sources of these errors.
+        """
+        kept = np.flatnonzero([source not in sources for source in self.sources])
+        return _limit(self.rows[:, kept], self.variances, self.prior[np.ix_(kept, kept)])
 
     def kept(self, chosen: IntArray, tolerance: float, *, assumed: bool = False) -> float:
         """Return the probability of the tolerance over the placements; only readings that hit their faces count.
@@ -255,20 +279,23 @@ def design_of(
         return None
     aimed = np.unique(candidates.face) if probe.face_variance > 0 else np.zeros(0, dtype=np.int64)
     points, normals = candidates.aims, _normals(target, T, candidates)
-    effects, rest = stated_columns(points, candidates.directions, normals, stated)
+    effects, rest, names = stated_columns(points, candidates.directions, normals, stated)
     prior = _prior(start, probe, len(aimed), effects.shape[1])
     chosen_by, judged_by = placements(target, T, prior, candidates, probe)
     kept = _steadiest(chosen_by, steady, clear)
     candidates, effects, rest = candidates.take(kept), effects[kept], rest[kept]
     ranges, cosines, faces, g = beams(target, T[None], candidates.origins, candidates.directions)
     ranges, cosines, faces, g = ranges[:, 0], cosines[:, 0], faces[:, 0], g[:, 0]
-    rows = [g]
+    rows, sources = [g], ["pose"] * 6
     if probe.shared_sd > 0:
         rows.append(np.ones((len(g), 1)))
+        sources.append("bias")
     if max(probe.base_sds) > 0:  # an error of the robot acts like the inverse motion of the part
         rows.append(-g)
+        sources += ["robot"] * 6
     if len(aimed):
         rows.append(np.where(faces[:, None] == aimed, -1 / cosines[:, None], 0.0))
+        sources += ["form"] * len(aimed)
     rows.append(effects)
     points = candidates.origins + ranges[:, None] * candidates.directions
     own, places = probe.own_variance(ranges, cosines) + rest, places_of(target.part, feature)
@@ -276,6 +303,7 @@ def design_of(
     return Design(
         target, probe, candidates, faces, points, of_states, own, prior, _limit(of_states, own, prior), places,
         places.moves, T[:3, :3], chosen_by.take(kept), judged_by.take(kept), stated,
+        (*sources, *names),
     )  # fmt: skip
 
 

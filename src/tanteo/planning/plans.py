@@ -37,6 +37,7 @@ from tanteo.words.findings import (
     PlanGoal,
     PlanResult,
     PriorTooWide,
+    ReachLimits,
     StartTooClose,
     SystematicErrorLimits,
 )
@@ -102,7 +103,7 @@ class Plan(Value):
     Attributes:
         part: name of the part.
         T_world_part: expected pose of the part ``(4, 4)``.
-        readings: planned readings.
+        readings: planned readings; empty if none are needed, or if no number of readings reaches the goal.
         before: largest corner sd, or sd of the feature, before the first reading [m].
         reached: whether the tolerance has the required confidence over all placements, and each reading hits its face
             at half of the placements or more. It is also true if the prior pose suffices.
@@ -180,6 +181,9 @@ def plan(
     if (within := design.chance(design.prior, tolerance)) >= confidence:
         return _nothing_to_do(start, design, tolerance, within)
     design, chosen, can = _steadiest(start, probe, tolerance, confidence, max_measurements, seed, design)
+    if not len(chosen):
+        before = design.places.sd(design.pose(design.prior))
+        return Plan(part.name, start.Ts[0], (), before, False, (_limit(design, tolerance, confidence),), feature)
     found = _as_plan(start, design, chosen, tolerance, confidence)
     if not (found.reached or can) and (
         wide := _too_wide_a_prior(start, probe, design, found, tolerance, confidence, seed)
@@ -232,13 +236,23 @@ def _goal(design: Design, tolerance: float) -> PlanGoal:
     return PlanGoal(design.target.part.name, design.places.feature or "", tolerance)
 
 
+def _limit(design: Design, tolerance: float, confidence: float) -> SystematicErrorLimits | ReachLimits:
+    """Return what prevents the goal with any number of readings: the largest shared error, or the reach."""
+    goal, sd = _goal(design, tolerance), design.places.sd(design.limit)
+    least = design.least_goal(design.limit, confidence)
+    sources = dict.fromkeys(source for source in design.sources if source != "pose")
+    if design.chance(design.limit_without(sources), tolerance) < confidence:
+        return ReachLimits(goal, sd, least)
+    return SystematicErrorLimits(
+        goal, sd, least, min(sources, key=lambda one: design.places.sd(design.limit_without([one])))
+    )
+
+
 def _result(
     design: Design, readings: list[PlannedReading], brings: Promise, tolerance: float, confidence: float
-) -> PlanResult | SystematicErrorLimits:
-    """Return the result of a plan, or that the error of the robot prevents the goal with any number of readings."""
+) -> PlanResult:
+    """Return the result of a plan."""
     goal, reached = _goal(design, tolerance), brings.within >= confidence
-    if not reached and design.chance(design.limit, tolerance) < confidence:
-        return SystematicErrorLimits(goal, design.places.sd(design.limit), design.probe.form_sd)
     return PlanResult(
         goal, reached, len(readings), readings[-1].sd, brings.within, brings.if_all_hit, brings.all_meet,
         brings.if_all_hit >= confidence, brings.within_assumed,
@@ -256,8 +270,6 @@ def _too_wide_a_prior(
     start: Start, probe: Probe, design: Design, found: Plan, tolerance: float, confidence: float, seed: int
 ) -> PriorTooWide | None:
     """Return the finding that the prior is too uncertain if a more certain one would reach the goal; otherwise None."""
-    if design.chance(design.limit, tolerance) < confidence:
-        return None
     finer = replace(start, covariances=start.covariances / _BETTER**2)
     better = design_of(finer, probe, seed, design.places.feature, design.stated)
     if better is None or better.best(tolerance) < confidence:

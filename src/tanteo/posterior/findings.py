@@ -120,7 +120,7 @@ def estimates_of(
     """
     if not errors or answer.status == "unknown" or answer.best is None or answer.best.shared is None:
         return ()
-    names, values, sds, units = list[str](), list[float](), list[float](), list[str]()
+    names, values, units, sds, priors = list[str](), list[float](), list[str](), list[float](), list[float]()
     mean, covariance = shared_estimates(answer.best)
     first = len(measured.shared) - others - len(errors)
     own = slice(first, first + len(errors))
@@ -132,9 +132,10 @@ def estimates_of(
         values += [error.sd * (error.center + error.spread * float(mean[k])) for k in rows]
         sds += [error.sd * error.spread * float(np.sqrt(covariance[k, k])) for k in rows]
         units += [error.unit] * len(rows)
+        priors += [error.sd * error.spread] * len(rows)
     if not names or len(names) > _MOST_ESTIMATES:
         return ()
-    return (SharedEstimates(tuple(names), tuple(values), tuple(sds), tuple(units), begin),)
+    return (SharedEstimates(tuple(names), tuple(values), tuple(sds), tuple(units), tuple(priors), begin),)
 
 
 def shared_estimates(best: Hypothesis) -> tuple[FloatArray, FloatArray]:

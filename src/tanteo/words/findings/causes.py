@@ -264,6 +264,7 @@ class SharedEstimates(Finding):
         values: estimate of each [SI unit].
         sds: standard deviation of each [SI unit].
         units: SI unit of each: ``m``, ``rad`` or ``1``.
+        prior_sds: stated standard deviation of each [SI unit].
         first: index of the first of them among the shared errors of the hypothesis.
     """
 
@@ -272,6 +273,7 @@ class SharedEstimates(Finding):
     values: tuple[float, ...]
     sds: tuple[float, ...]
     units: tuple[str, ...]
+    prior_sds: tuple[float, ...]
     first: int = 0
 
 

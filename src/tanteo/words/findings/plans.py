@@ -70,19 +70,39 @@ class PlanResult(Finding):
 
 @dataclass(frozen=True, slots=True)
 class SystematicErrorLimits(Finding):
-    """The errors that no number of readings averages out are too large: of the robot, and of the made part's faces.
+    """The errors that no number of readings averages out are too large.
 
     Attributes:
         goal: goal of the plan.
-        sd: standard deviation that these errors alone cause [m].
-        form_sd: standard deviation of the made part's surface from its CAD [m]; 0 for an exact part.
+        sd: largest corner sd, or sd of the feature, in the limit of infinitely many readings [m].
+        least: smallest tolerance that infinitely many readings keep with the demanded confidence [m].
+        source: source of the largest of these errors: ``robot`` (with the tip), ``bias``, ``form``, or the name of a
+            stated error.
     """
 
     kind: ClassVar[str] = "systematic_error_limits"
     role: ClassVar[Role] = "verdict"
     goal: PlanGoal
     sd: float
-    form_sd: float = 0.0
+    least: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class ReachLimits(Finding):
+    """The places and directions that the probe reaches do not determine the pose, with any number of readings.
+
+    Attributes:
+        goal: goal of the plan.
+        sd: largest corner sd, or sd of the feature, in the limit of infinitely many readings [m].
+        least: smallest tolerance that infinitely many readings keep with the demanded confidence [m].
+    """
+
+    kind: ClassVar[str] = "reach_limits"
+    role: ClassVar[Role] = "verdict"
+    goal: PlanGoal
+    sd: float
+    least: float
 
 
 @dataclass(frozen=True, slots=True)

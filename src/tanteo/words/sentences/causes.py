@@ -180,7 +180,14 @@ def _(one: f.EstimatedNoise) -> Words:
 
 @words_of.register
 def _(one: f.SharedEstimates) -> Words:
-    each = [_estimate(*row) for row in zip(one.names, one.values, one.sds, one.units, strict=True)]
+    rows = zip(one.names, one.values, one.sds, one.units, one.prior_sds, strict=True)
+    each = [
+        _estimate(name, value, sd, unit)
+        for name, value, sd, unit, prior in rows
+        if 2 * sd**2 < prior**2  # the readings outweigh the prior
+    ]
+    if not each:
+        return "", ""
     more = f" and {len(each) - _MOST_ESTIMATES} more" if len(each) > _MOST_ESTIMATES else ""
     return f"Estimates: {'; '.join(each[:_MOST_ESTIMATES])}{more}.", ""
 
@@ -192,7 +199,7 @@ def _estimate(name: str, value: float, sd: float, unit: str) -> str:
     """Return an estimate with its standard deviation."""
     scale, shown = {"m": (1e3, " mm"), "rad": (180 / math.pi, " deg")}.get(unit, (1.0, ""))
     digits = max(0, 1 - math.floor(math.log10(max(scale * sd, 1e-12))))
-    return f"{name} {scale * value:.{digits}f} +- {scale * sd:.2g}{shown}"
+    return f"{name} {round(scale * value, digits) + 0.0:.{digits}f} +- {scale * sd:.2g}{shown}"
 
 
 @words_of.register

@@ -70,15 +70,41 @@ def _(one: f.PlanResult) -> Words:
 
 @words_of.register
 def _(one: f.SystematicErrorLimits) -> Words:
-    what = one.goal.feature or "the worst corner"
-    source = "the error of robot and tip" if not one.form_sd else f"the form error of {millimetres(one.form_sd)}"
-    advice = "Calibrate them (--robot, --tip-sd), or sense relative to an object whose place matters."
-    if one.form_sd:
-        advice = "Allow a larger goal, touch machined faces only, or state a smaller --form-sd if the part has one."
-    return (
-        f"No number of readings places {_aim(one.goal)}: {source} moves {what} by {millimetres(one.sd)} (1 sd).",
-        advice,
+    source, advice = _SHARED.get(
+        one.source, (f"the stated error '{one.source}'", "Calibrate it, and state what is left.")
     )
+    return f"{_out_of_reach(one)}, mostly by {source}.", f"{_larger(one)} {advice}"
+
+
+@words_of.register
+def _(one: f.ReachLimits) -> Words:
+    return (
+        f"{_out_of_reach(one)}, because the faces that the probe reaches leave a direction free."
+    ), f"{_larger(one)} Allow more directions of approach or more space, or give a better prior pose (--pose-prior)."
+
+
+_SHARED = {
+    "robot": (
+        "the error of robot and tip",
+        "Calibrate them (--robot, --tip-sd), or sense relative to an object whose place matters.",
+    ),
+    "bias": ("the bias of the sensor", "Calibrate it (--bias-sd), or sense from opposite sides."),
+    "form": (
+        "the form error of the part",
+        "Touch machined faces only, or state a smaller --form-sd if the part has one.",
+    ),
+}
+"""Shared error that limits a plan, and advice, by source."""
+
+
+def _out_of_reach(one: f.SystematicErrorLimits | f.ReachLimits) -> str:
+    """Return that no number of readings reaches a goal, and what is left in the limit."""
+    return f"No number of readings places {_aim(one.goal)}: {_spread(one.goal, one.sd)} is left after very many"
+
+
+def _larger(one: f.SystematicErrorLimits | f.ReachLimits) -> str:
+    """Return the goals that are possible."""
+    return f"Plan for more than {millimetres(one.least)} (--goal)."
 
 
 @words_of.register
@@ -109,7 +135,7 @@ def _(one: f.StartTooClose) -> Words:
 def _(one: f.ReadingDiscriminates) -> Words:
     first, second = one.parts
     reads = [
-        ("nothing" if math.isinf(r) else f"{1e3 * r:.2f} mm") + ("" if e in (0, 1) else f", {e:.0%} of the time")
+        ("no surface" if math.isinf(r) else f"{1e3 * r:.2f} mm") + ("" if e in (0, 1) else f", {e:.0%} of the time")
         for r, e in zip(one.ranges, one.echoes, strict=True)
     ]
     if one.information < _HARDLY:
@@ -118,4 +144,4 @@ def _(one: f.ReadingDiscriminates) -> Words:
         return f"No single reading of this sensor discriminates {first} and {second}: the best one gives {both}.", ""
     sure = "hardly discriminates" if one.information < one.LEAST else "helps to discriminate"
     verb = "discriminates" if one.information > _SURE else sure
-    return f"This reading {verb} {first} ({reads[0]}) and {second} ({reads[1]}).", ""
+    return f"This reading {verb} {first} (expected: {reads[0]}) and {second} (expected: {reads[1]}).", ""
