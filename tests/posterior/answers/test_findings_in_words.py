@@ -75,6 +75,8 @@ def value(name, annotation, count, given=()):
         return (0.0, 0.6, 0.8)
     if name == "estimate" or (name == "sds" and "estimate" in given):
         return (1e-4, 2e-4, -3e-4) if count else ()
+    if name == "prior_sds":
+        return (1e3,) * count
     if kinds := TUPLES.get(str(annotation)):
         return tuple(kinds(k) for k in range(count))
     if name in ("distances", "lengths"):
@@ -98,6 +100,13 @@ def made(kind, count):
     if annotations.get("cause") is Finding:
         values["cause"] = findings.NoRanges()
     return kind(**values)
+
+
+def test_estimates_that_are_their_prior_are_not_told():
+    names, values, sds, priors = ("scale", "drift along x"), (1e-4, 0.0), (1e-5, 9e-4), (1e-4, 1e-3)
+    words = sentence(findings.SharedEstimates(names, values, sds, ("1", "m"), priors))
+    assert "scale 0.00010" in words
+    assert "drift" not in words
 
 
 @pytest.mark.parametrize("count", [0, 1, 12])
