@@ -102,7 +102,7 @@ def made(kind, count):
     return kind(**values)
 
 
-def test_estimates_that_are_their_prior_are_not_told():
+def test_estimates_equal_to_their_prior_are_omitted():
     names, values, sds, priors = ("scale", "drift along x"), (1e-4, 0.0), (1e-5, 9e-4), (1e-4, 1e-3)
     words = sentence(findings.SharedEstimates(names, values, sds, ("1", "m"), priors))
     assert "scale 0.00010" in words
