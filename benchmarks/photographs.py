@@ -146,13 +146,18 @@ def random_scene(model, kind, rng):
         contrast = float(rng.choice([0.0, 0.08, 0.2]))
         plate = plate_over(Stage(camera, objects), HIDDEN, rng, 100.0)
         objects += [plate, *solids_beside(objects[0], rng, int(rng.integers(2, 7)))]
+    return in_light(objects, contrast, rng), T, camera
+
+
+def in_light(objects, contrast, rng):
+    """Return a scene of objects with random materials, table and lamps; the texture of the table has a contrast."""
     materials = tuple(material(rng, str(rng.choice(MATERIALS))) for _ in objects)
     texture = table_texture(str(rng.choice(TEXTURES)), contrast, rng)
     lamps = []
     for _ in range(int(rng.integers(1, 3))):
         turn, tilt = rng.uniform(0, 2 * np.pi), rng.uniform(0.1, 0.9)
         lamps.append((turn, tilt, rng.uniform(0.03, 0.3), rng.uniform(0.5, 1.0)))
-    return Scene(tuple(objects), materials, texture, tuple(lamps), rng.uniform(0.1, 0.8)), T, camera
+    return Scene(tuple(objects), materials, texture, tuple(lamps), rng.uniform(0.1, 0.8))
 
 
 def as_mesh(mi, solid, bsdf):

@@ -1,10 +1,11 @@
-"""Accuracy of three views of a part without a table: ``python benchmarks/views.py [scenes views seed]``.
+"""Accuracy of three views of a part without a table: ``python benchmarks/views.py [scenes views seed photographs]``.
 
 A camera on a hand (1,000 px focal length) takes ``views`` images of a part in any pose from 0.5 m. The pose of the
 camera on the hand has the errors of a hand-eye calibration, the same in all images, and each pose of the hand has the
 repeatability of a robot. All parts of ``examples/parts`` are candidates. One row is printed for one view and one for
 all views. It states how often the part is right and recognized, position and rotation errors, NEES over its degrees of
-freedom with the interval of 95 % for the number of scenes, and the processor time.
+freedom with the interval of 95 % for the number of scenes, and the processor time. With the word ``photographs``, the
+path tracer of ``photographs.py`` makes the images: the part floats over a table with a texture.
 
 ``--keep FILE`` and ``--processes N``: ``campaign.py``.
 """
@@ -21,6 +22,7 @@ from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+import photographs
 from campaign import options, run_cases
 from common import Table
 
@@ -42,6 +44,9 @@ HAND = 5e-5, np.radians(0.01)
 MIDDLE = np.array([0.5, 0.1, 0.3])
 """Place of the part [m]."""
 
+LIT = np.array([0.0, 0.0, 0.1])
+"""Place of the part in a photograph, below the lamps [m]."""
+
 
 @cache
 def parts():
@@ -49,34 +54,53 @@ def parts():
     return list(read_parts([Path(__file__).parents[1] / "examples" / "parts"]).parts)
 
 
-def views_of(part, T_world_part, count, rng):
-    """Return images of a part with the cameras that the errors of hand and mounting make of the true ones."""
+def placed(part, rng, traced=False):
+    """Return a random pose of a part."""
+    T = SE3.from_parts(SO3.exp(rng.normal(size=3) * 2), np.zeros(3))
+    T[:3, 3] = (LIT if traced else MIDDLE) - T[:3, :3] @ part.centroid
+    return T
+
+
+def views_of(part, T_world_part, count, rng, traced=False):
+    """Return images of a part with the cameras that the errors of hand and mounting make of the true ones.
+
+    Args:
+        part: the part.
+        T_world_part: its pose.
+        count: number of images.
+        rng: generator of everything that is random.
+        traced: whether the path tracer makes the images.
+    """
     spread = np.diag(np.repeat(np.square(HAND_EYE), 3))
     mounting = Mounting(SE3.exp(np.array([0.03, 0.0, 0.05, 0.0, 0.0, 0.7])), spread)
     T_hand_camera = mounting.T_hand_camera @ SE3.exp(rng.normal(size=6) * np.repeat(HAND_EYE, 3))
     own, first = np.diag(np.repeat(np.square(HAND), 3)), rng.uniform(0, 2 * np.pi)
+    middle = SE3.apply(T_world_part, part.centroid)
     paint = rendered_part(part, T_world_part, rng.uniform(60, 180))
+    scene = photographs.in_light([paint], float(rng.choice([0.0, 0.08, 0.2])), rng) if traced else None
     K = np.array([[FOCAL, 0, SIZE[0] / 2 - 0.5], [0, FOCAL, SIZE[1] / 2 - 0.5], [0, 0, 1]])
     out = []
     for k in range(count):
         turn, tilt = first + 2 * np.pi * k / max(count, 1) + rng.normal(0, 0.2), rng.uniform(0.3, 0.7)
         way = np.array([np.cos(turn) * np.sin(tilt), np.sin(turn) * np.sin(tilt), np.cos(tilt)])
-        T = looking(MIDDLE + DISTANCE * way, MIDDLE + rng.normal(0, 0.01, 3), rng.uniform(-0.5, 0.5))
+        T = looking(middle + DISTANCE * way, middle + rng.normal(0, 0.01, 3), rng.uniform(-0.5, 0.5))
         camera = Camera(K, SIZE, T_world_camera=T)
-        light = Appearance(table=rng.uniform(90, 210), blur=rng.uniform(0.5, 1.0), noise=rng.uniform(1.0, 3.0))
-        pixels, _ = render(Stage(camera, [paint], light), rng)
+        if scene is None:
+            light = Appearance(table=rng.uniform(90, 210), blur=rng.uniform(0.5, 1.0), noise=rng.uniform(1.0, 3.0))
+            pixels, _ = render(Stage(camera, [paint], light), rng)
+        else:
+            pixels = photographs.photograph(scene, camera, rng)
         reported = T @ SE3.inverse(T_hand_camera) @ SE3.exp(-rng.normal(size=6) * np.repeat(HAND, 3))
         out.append(View(pixels, mounting.camera_at(camera, reported, own)))
     return out
 
 
-def run_scene(scene, count, seed):
+def run_scene(scene, count, seed, traced=False):
     """Return the figures of one scene, for one view and for all."""
     rng = np.random.default_rng([seed, scene])
     part = parts()[scene % len(parts())]
-    T = SE3.from_parts(SO3.exp(rng.normal(size=3) * 2), np.zeros(3))
-    T[:3, 3] = MIDDLE - T[:3, :3] @ part.centroid
-    first, *others = views_of(part, T, count, rng)
+    T = placed(part, rng, traced)
+    first, *others = views_of(part, T, count, rng, traced)
     rows = []
     for further in ((), others):
         start = time.process_time()
@@ -129,8 +153,10 @@ def report(rows):
 
 def main():
     arguments, keep, processes = options(sys.argv[1:])
+    traced = "photographs" in arguments
+    arguments = [word for word in arguments if word != "photographs"]
     scenes, views, seed = (int(arguments[k]) if len(arguments) > k else v for k, v in enumerate((SCENES, VIEWS, SEED)))
-    found = run_cases(run_scene, [(scene, views, seed) for scene in range(scenes)], keep, processes)
+    found = run_cases(run_scene, [(scene, views, seed, traced) for scene in range(scenes)], keep, processes)
     print(report([row for rows in found for row in rows]).markdown())
 
 

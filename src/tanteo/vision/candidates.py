@@ -159,15 +159,21 @@ def poses_beside(
     prior = _lying(model, T_camera_table, start, table)
     Ts = beside(camera, T_camera_part, T_camera_table, model.part.centroid)
     Ts = refine(model.frame, camera, image.edges, Ts, prior=prior, start=start, reaches=SEARCH.reaches(SEARCH.beside))
-    points = in_camera(Ts, model.inner)
     slack = EVIDENCE.spread * pixel_length(camera, T_camera_part, model.part.centroid)
-    return np.asarray(Ts[_core.far_apart(points, np.arange(len(Ts)), slack)])
+    return np.asarray(Ts[distinct(model, Ts, np.zeros(len(Ts)), slack)])
 
 
-def distinct(model: VisionModel, Ts: Transforms, scores: FloatArray) -> BoolArray:
-    """Return which poses ``(B,)`` are not equal to a better one; symmetries are not considered."""
-    points = in_camera(Ts, model.inner)
-    kept = _core.far_apart(points, np.argsort(-scores, kind="stable"), EVIDENCE.same_pose * model.part.diagonal)
+def distinct(model: VisionModel, Ts: Transforms, scores: FloatArray, slack: float | None = None) -> BoolArray:
+    """Return which poses ``(B,)`` are not equal to a better one; symmetries are not considered.
+
+    Args:
+        model: the part.
+        Ts: poses ``(B, 4, 4)``.
+        scores: score of each ``(B,)``.
+        slack: distance between places of equal poses [m]; that of poses that are one if not given.
+    """
+    slack = EVIDENCE.same_pose * model.part.diagonal if slack is None else slack
+    kept = _core.far_apart(in_camera(Ts, model.inner), np.argsort(-scores, kind="stable"), slack)
     return np.isin(np.arange(len(Ts)), kept)
 
 

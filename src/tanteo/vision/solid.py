@@ -20,10 +20,11 @@ from tanteo.parts import Part
 from tanteo.posterior import DEFAULTS, Answer, box_corners
 from tanteo.vision.answers import hypothesis, judged
 from tanteo.vision.camera import Camera, View, project
+from tanteo.vision.candidates import distinct
 from tanteo.vision.edges import EdgeMap, EdgePoints, cell_of, chance_hits, channel_of, find_edges, map_edges
 from tanteo.vision.ellipse_fit import Ellipse
 from tanteo.vision.ellipses import Ellipses, find_ellipses
-from tanteo.vision.fit import refine
+from tanteo.vision.fit import pixel_length, principal_moves, refine
 from tanteo.vision.image_edges import ImageEdges, Weights, standing
 from tanteo.vision.models import VisionModel
 from tanteo.vision.outlines import check_size
@@ -150,6 +151,22 @@ def _ahead(part: Part, T_camera_part: Transforms) -> Transforms:
     return T_camera_part[np.all(depths > 0, axis=1)]
 
 
+def _best_distinct(
+    model: VisionModel, Ts: Transforms, scores: FloatArray, most: int, slack: float | None = None
+) -> Transforms:
+    """Return the best of the poses that differ, best first ``(k, 4, 4)``.
+
+    Args:
+        model: the part.
+        Ts: poses ``(B, 4, 4)``.
+        scores: score of each ``(B,)``; poses with minus infinity are excluded.
+        most: number of poses at most.
+        slack: distance between places of equal poses [m]; that of poses that are one if not given.
+    """
+    rows = np.flatnonzero(distinct(model, Ts, scores, slack) & (scores > -np.inf))
+    return np.ascontiguousarray(Ts[rows[np.argsort(-scores[rows], kind="stable")[:most]]])
+
+
 def propose_anywhere(
     image: FloatArray, seen: ImageEdges, ellipses: tuple[Ellipse, ...], models: Sequence[VisionModel]
 ) -> tuple[list[tuple[VisionModel, Transforms]], int]:
@@ -164,36 +181,47 @@ def propose_anywhere(
     camera, edges = seen.camera, seen.edges
     segments = find_segments(image, camera, edges)
     paths = image_paths(segments, find_corners(segments))
-    out, logs, tried = [], [], 1
+    first, tried = [], 1
     for model in models:
         by_corners = poses_from_paths(camera, paths, model_paths(model.part))
         by_rims = poses_from_ellipses(camera, ellipses, model.part)
         T = _ahead(model.part, np.concatenate([by_corners, by_rims]))
         tried += len(T)
-        if len(T):
-            score = coarse_scores(model.coarse, camera, edges, T)
-            T = refine(
-                model.coarse,
-                camera,
-                edges,
-                T[np.argsort(-score)[: SEARCH.tried]],
-                reaches=SEARCH.first_reaches,
-            )
-            T = _ahead(model.part, T)
-            score = coarse_scores(model.frame, camera, edges, T)
-            T = refine(
-                model.frame,
-                camera,
-                edges,
-                T[np.argsort(-score)[: SEARCH.kept]],
-                reaches=SEARCH.last_reaches,
-            )
-            T = _ahead(model.part, T)
-        out.append((model, T))
-        logs.append(seen.sums(model, T).there)
-    best = max((float(log.max()) for log in logs if len(log)), default=0.0)
-    kept = [np.flatnonzero((log > best - DEFAULTS.search.drop_gap) | (log == log.max(initial=-np.inf))) for log in logs]
-    return [(model, T[rows]) for (model, T), rows in zip(out, kept, strict=True)], tried
+        score = coarse_scores(model.coarse, camera, edges, T)
+        some = T[np.argsort(-score)[: SEARCH.tried]]
+        T = _ahead(model.part, refine(model.coarse, camera, edges, some, reaches=SEARCH.first_reaches))
+        some = _best_distinct(model, T, seen.sums(model, T, coarse=True).there, SEARCH.kept)
+        T = _ahead(model.part, refine(model.frame, camera, edges, some, reaches=SEARCH.last_reaches))
+        first.append((T, seen.sums(model, T).there))
+    best = max((float(log.max()) for _, log in first if len(log)), default=0.0)
+    return [(model, _with_moved(seen, model, T, log, best)) for model, (T, log) in zip(models, first, strict=True)], tried
+
+
+def _with_moved(seen: ImageEdges, model: VisionModel, Ts: Transforms, log: FloatArray, best: float) -> Transforms:
+    """Return the likely poses of a part, and poses beside those that may be the best.
+
+    Where a shadow or a second edge is next to an edge, edges match at several poses.
+
+    Args:
+        seen: edges of the image.
+        model: the part.
+        Ts: poses ``T_camera_part`` ``(B, 4, 4)``.
+        log: log density of the image at each ``(B,)``.
+        best: largest log density at a pose of any part.
+    """
+    camera, edges, kept = seen.camera, seen.edges, [np.zeros((0, 4, 4))]
+    for one in _best_distinct(model, Ts, np.where(log > best - SEARCH.likely, log, -np.inf), SEARCH.kept):
+        near = principal_moves(model.frame, camera, edges, one)
+        near = refine(model.frame, camera, edges, near, reaches=SEARCH.reaches(SEARCH.beside))
+        kept.append(_ahead(model.part, near))
+    moved = np.concatenate(kept)
+    more = seen.sums(model, moved).there
+    moved = moved[more > best - SEARCH.likely]
+    more = more[more > best - SEARCH.likely]
+    likely = (log > best - DEFAULTS.search.drop_gap) | (log == log.max(initial=-np.inf))
+    every, logs = np.concatenate([Ts[likely], moved]), np.concatenate([log[likely], more])
+    slack = EVIDENCE.spread * pixel_length(camera, every[0], model.part.centroid) if len(every) else 0.0
+    return _best_distinct(model, every, logs, SEARCH.kept, slack)
 
 
 def follow(
@@ -230,11 +258,11 @@ def follow(
 
 
 def coarse_scores(frame: Wireframe, camera: Camera, edges: EdgeMap, Ts: Transforms, cap: float = 8.0) -> FloatArray:
-    """Return one minus the mean capped distance of the part's edges from edges, hidden edges included ``(B,)``."""
+    """Return one minus the mean capped distance of the part's edges from edges ``(B,)``."""
     out = []
     for k in range(0, len(Ts), 512):
         T = Ts[k : k + 512]
-        seen = see_edges(frame, T, hidden=False)
+        seen = see_edges(frame, T)
         pixels = project(camera, in_camera(T, frame.points))
         along = project(camera, in_camera(T, frame.points + 1e-3 * frame.tangents)) - pixels
         channel = channel_of(np.nan_to_num(np.stack([-along[..., 1], along[..., 0]], axis=-1)))
