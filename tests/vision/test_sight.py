@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 from rendered import table_camera
 from tanteo.errors import InputError, MissingExtraError
 from tanteo.geometry import SE3, SO3
+from tanteo.io import read_camera, read_image, read_marks
 from tanteo.parts import read_part
 from tanteo.posterior import Priors
 from tanteo.render import draw_sight
@@ -21,12 +23,13 @@ from tanteo.vision.answers import deciding_touch, heights, judged
 from tanteo.vision.candidates import candidates_in
 from tanteo.vision.edges import map_edges
 from tanteo.vision.fit import meet, refine
+from tanteo.vision.image_edges import Weights
 from tanteo.vision.posterior import ImagePosterior
 from tanteo.vision.regions import find_regions
 from tanteo.vision.rendering import Appearance, Stage, render, rendered_part
 from tanteo.vision.sight import shot_of
-from tanteo.vision.solid import see_anywhere
-from tanteo.vision.table import TableErrors
+from tanteo.vision.solid import proposed_anywhere, see_anywhere
+from tanteo.vision.table import TableErrors, fit_camera
 from tanteo.words import message_of
 from vision_scenes import random_shot
 
@@ -173,6 +176,43 @@ def test_a_part_in_the_air_is_found_without_a_table(models):
     assert np.degrees(np.linalg.norm(e[3:])) < 1.0
     assert np.linalg.norm(best.T_world_part[:3, 3] - truth[:3, 3]) < 4e-3
     assert e @ np.linalg.solve(best.covariance, e) < 40
+
+
+@pytest.mark.parametrize(
+    ("name", "camera_at", "part_at", "paint", "table"),
+    [
+        # half of its edges are hidden, and other poses hide fewer
+        ("t_slot", [1.613, -0.036, -0.805, -0.119, -2.859, 0.781], [0.174, 0.266, 0.512, 0.701, 1.141, -0.217], 150, 132),
+        # most of its edges are a few grey levels
+        ("wedge", [1.474, -0.815, -0.556, -1.942, -2.083, 0.397], [0.406, -0.293, 0.364, 0.052, 0.315, 1.352], 141, 116),
+    ],
+)  # fmt: skip
+def test_weak_and_hidden_edges_leave_the_pose_proposed(name, camera_at, part_at, paint, table):
+    K = np.array([[1000.0, 0, 399.5], [0, 1000.0, 299.5], [0, 0, 1]])
+    part, T = read_part(EXAMPLES / f"{name}.step"), SE3.exp(np.array(part_at))
+    camera = Camera(K, (800, 600), T_world_camera=SE3.exp(np.array(camera_at)))
+    scene = Stage(camera, [rendered_part(part, T, paint)], Appearance(table=table))
+    image, _ = render(scene, np.random.default_rng(1))
+    best = see_anywhere(image, camera, [part]).objects[0].answer.best
+    gaps = SE3.inverse(T @ part.symmetry.Ts) @ best.T_world_part
+    nearest = gaps[np.argmin(np.linalg.norm(SE3.log(gaps)[:, 3:], axis=1))]
+    assert np.linalg.norm(SE3.log(nearest)[3:]) < 0.05
+    assert np.linalg.norm(SE3.apply(nearest, part.centroid) - part.centroid) < 5e-3
+
+
+def test_a_pose_is_proposed_beside_a_local_maximum():
+    # the pose of the twin plate differs in depth and tilt from one at which nearly as many edges match
+    folder = EXAMPLES.parent / "images"
+    image, camera = read_image(folder / "twins.png"), read_camera(folder / "camera.yaml")
+    posed = fit_camera(camera, *read_marks(folder / "marks.csv"))
+    row = next(r for r in csv.DictReader((folder / "truth.csv").read_text().splitlines()) if r["image"] == "twins")
+    R = SO3.from_quaternion(np.array([float(row[key]) for key in ("qw", "qx", "qy", "qz")]))
+    T = SE3.from_parts(R, 1e-3 * np.array([float(row[f"{axis}_mm"]) for axis in "xyz"]))
+    part = read_part(EXAMPLES / f"{row['part']}.step")
+    edges = [find_edges(image)]
+    _, ((_, Ts),), _ = proposed_anywhere([View(image, camera)], edges, [prepare_vision(part)], Weights())
+    middle = SE3.apply(SE3.inverse(posed.T_world_camera) @ T, part.centroid)
+    assert np.linalg.norm(SE3.apply(Ts, part.centroid) - middle, axis=1).min() < 2e-3
 
 
 def test_an_image_of_noise_shows_no_part(models):

@@ -77,6 +77,7 @@ def find_segments(image: FloatArray, camera: Camera, edges: EdgeMap) -> Segments
     """
     cv2 = opencv()
     picture = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    # rounding to whole levels changes a difference of two pixels by one level at most
     found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD, quant=1.0).detect(picture)[0]
     lines = np.zeros((0, 2, 2)) if found is None else np.asarray(found, dtype=np.float64).reshape(-1, 2, 2)
     lines = lines[np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1) >= EVIDENCE.stretch]

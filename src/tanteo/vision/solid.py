@@ -194,7 +194,9 @@ def propose_anywhere(
         T = _ahead(model.part, refine(model.frame, camera, edges, some, reaches=SEARCH.last_reaches))
         first.append((T, seen.sums(model, T).there))
     best = max((float(log.max()) for _, log in first if len(log)), default=0.0)
-    return [(model, _with_moved(seen, model, T, log, best)) for model, (T, log) in zip(models, first, strict=True)], tried
+    return [
+        (model, _with_moved(seen, model, T, log, best)) for model, (T, log) in zip(models, first, strict=True)
+    ], tried
 
 
 def _with_moved(seen: ImageEdges, model: VisionModel, Ts: Transforms, log: FloatArray, best: float) -> Transforms:
