@@ -110,7 +110,7 @@ def beside(camera: Camera, T_camera_part: Transforms, T_camera_table: Transforms
 
 
 def principal_moves(frame: Wireframe, camera: Camera, edges: EdgeMap, T_camera_part: Transforms) -> Transforms:
-    """Return a pose, and poses moved along the principal axes of the information of its edges, both ways ``(13, 4, 4)``.
+    """Return a pose, and poses moved both ways along the principal axes of its information ``(13, 4, 4)``.
 
     Each motion moves the visible edges by ``SearchSettings.beside`` (rms). Motions that edges hardly show, such as
     depth with tilt in one image, are large. None turns the part by more than the angle between two channels.
