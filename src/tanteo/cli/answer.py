@@ -31,7 +31,11 @@ _HEADER = re.compile(r"(?:^|,)\s*(?:x|range)_(mm|m|um|in)\s*(?:,|$)", re.MULTILI
 
 
 def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Options, file: FileOptions) -> None:
-    """Identify the sensed part and its pose, with probabilities and a covariance."""
+    """Identify the sensed part and its pose, with probabilities and a covariance.
+
+    Example:
+        tanteo identify examples/readings/bracket_left.csv --parts examples/parts
+    """
     known = typed.read_known(options.table, options.box, options.pose_prior, options.prior, options.rests)
     start = time.perf_counter()
     if options.as_published:
@@ -207,7 +211,12 @@ def _print_latency(path: str, answer: posterior.Answer, given: Given, options: O
 
 
 def locate(readings: args.ReadingsPath, part: args.PartPath, options: Options, file: FileOptions) -> None:
-    """Estimate the pose of a known part, with its covariance."""
+    r"""Estimate the pose of a known part, with its covariance.
+
+    Example:
+        tanteo locate examples/readings/bracket_left.csv --need 0.5mm \
+            --part examples/parts/bracket_left.step
+    """
     files.require_file("--part", part)
     identify(readings, [part], options, file)
 
@@ -221,7 +230,7 @@ def print_answer(
     to_stderr: bool = False,
     more: Mapping[str, Any] | None = None,
 ) -> None:
-    """Print an answer as text, or as a JSON document with its status on standard error.
+    r"""Print an answer as text, or as a JSON document with its status on standard error.
 
     Args:
         answer: answer to print.
@@ -230,6 +239,10 @@ def print_answer(
         verbose: whether to print more details.
         to_stderr: whether to print to standard error, because standard output carries lines for a controller.
         more: further keys of the document.
+
+    Example:
+        tanteo locate examples/readings/bracket_left.csv --need 0.5mm \
+            --part examples/parts/bracket_left.step
     """
     if as_json:
         put(io.documents.document_json({**io.recognition_document(answer), **(more or {})}, warned()))
@@ -348,5 +361,6 @@ def _report(
         options.sensor, options.robot, options.sd, options.tip_sd, given.rig, options.form_sd,
         shared_errors=options.shared_errors,
     )  # fmt: skip
-    page = report_page(answer, gather(given.readings, sensing, known), given.parts, files.this_run())
+    before = [] if known is None else [("Known before", render.text.prior_words(known))]
+    page = report_page(answer, gather(given.readings, sensing, known), given.parts, files.this_run(*before))
     files.write_page(path, page, as_json=options.json)

@@ -6,6 +6,8 @@ This module and those of the commands import only the parser at start. Each comm
 from __future__ import annotations
 
 import inspect
+import re
+import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -52,11 +54,24 @@ _READINGS_SUFFIXES = (
 )  # fmt: skip
 
 
+_FIRST, _LAST = ("Arguments", "Readings and parts", "Options"), ("Answer", "Output", "File of readings")
+"""Groups of options that a help text shows before and after all others."""
+
+
 class Grouped(TyperCommand):
-    """Command whose help lists its options in groups."""
+    """Command whose help lists its options in groups, and shows an example that runs in the repository."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return the arguments of the usage line: names, in brackets if they are optional.
+
+        Args:
+            ctx: context of the parser.
+        """
+        pieces = super().collect_usage_pieces(ctx)
+        return [re.sub(r"^\[\[(.*?)(?:\.\.\.)?\]\]|^\{(.*?)(?:\.\.\.)?\}", _bare, one) for one in pieces]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write arguments first, then each group in the order of its first option.
+        """Write groups of options: files first, then those of the command, then those that all commands share.
 
         Args:
             ctx: context of the parser.
@@ -68,10 +83,30 @@ class Grouped(TyperCommand):
             if record is not None:
                 argument = parameter.param_type_name == "argument"
                 name = "Arguments" if argument else getattr(parameter, "rich_help_panel", None) or "Options"
-                groups.setdefault(name, []).append(record)
-        for name, records in groups.items():
-            with formatter.section(name):
-                formatter.write_dl(records)
+                name = "Output" if parameter.name == "help" else name
+                typed = re.sub(r" <(?:int|float)>$", " NUMBER", record[0])
+                groups.setdefault(name, []).append((re.sub(r" <[^<]*>$", "", typed), record[1]))
+        others = [name for name in groups if name not in _FIRST + _LAST]
+        for name in (*_FIRST, *others, *_LAST):
+            if name in groups:
+                with formatter.section(name):
+                    formatter.write_dl(groups[name])
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write the example as it is typed.
+
+        Args:
+            ctx: context of the parser.
+            formatter: writer of the help text.
+        """
+        if self.epilog:
+            with formatter.section("Example"):
+                formatter.write("".join(f"  {line}\n" for line in self.epilog.splitlines()))
+
+
+def _bare(found: re.Match[str]) -> str:
+    """Return an optional argument in brackets, and a required one without."""
+    return f"[{found[1]}]" if found[1] else found[2]
 
 
 @contextmanager
@@ -175,7 +210,6 @@ def _command(function: Callable[..., None], check: Callable[[Mapping[str, Any]],
 
     run.__signature__ = inspect.Signature([option.parameter for option in options])  # type: ignore[attr-defined]
     run.__annotations__ = {option.parameter.name: option.parameter.annotation for option in options}
-    run.__doc__ = function.__doc__
     return run
 
 
@@ -184,7 +218,9 @@ def _group(words: str) -> typer.Typer:
 
 
 def _add(to: typer.Typer, name: str, function: Callable[..., None], check: Any = None) -> None:
-    to.command(name, cls=Grouped)(_command(function, check))
+    command = _command(function, check)
+    command.__doc__, _, example = (inspect.getdoc(function) or "").partition("\n\nExample:\n")
+    to.command(name, cls=Grouped, epilog=textwrap.dedent(example))(command)
 
 
 def _version(wanted: bool) -> None:

@@ -59,7 +59,11 @@ class Options:
 
 
 def sense_plane(options: Options) -> None:
-    """Acquire a flat face without touching it."""
+    """Acquire a flat face without touching it.
+
+    Example:
+        tanteo sense plane --scene examples/scenes/bracket.toml
+    """
     _sense("plane", options)
 
 

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tanteo.render.html.page import data, element, escape
+from tanteo.render.html.page import data, element, escape, prose
 
 
 class Reader(HTMLParser):
@@ -60,3 +60,16 @@ def test_data_arrives_and_cannot_end_early(document):
 def test_attributes_that_are_none_are_left_out_and_true_stands():
     assert element("input", type="radio", checked=True, disabled=None).text == '<input type="radio" checked>'
     assert element("i", class_="mark", data_h=0).text == '<i class="mark" data-h="0"></i>'
+
+
+@given(st.text())
+def test_prose_keeps_its_text(text):
+    shown = read(prose(text).text)
+    assert "".join(shown.text) == "".join(read(escape(text)).text)
+    assert set(shown.tags) <= {"span"}
+
+
+def test_options_and_lengths_are_not_broken():
+    marked = prose("Within 0.5 mm (95 %), or state --scale-sd 10ppm.").text
+    for word in ("0.5 mm", "95 %", "--scale-sd"):
+        assert f'<span class="word">{word}</span>' in marked

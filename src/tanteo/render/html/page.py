@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import html
 import json
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -57,6 +58,20 @@ def escape(text: str) -> str:
         c if c.isprintable() or c == "\n" else c.encode("unicode_escape", "surrogatepass").decode() for c in text
     )
     return html.escape(shown)
+
+
+_UNBROKEN = re.compile(r"(--[a-z][a-z-]+|\d[\d.]* (?:%|(?:mm|deg|sd)\b))")
+"""Options, and numbers with their units, which a line break would make unreadable."""
+
+
+def prose(text: str) -> Html:
+    """Return sentences as HTML in which options and numbers with their units stay on one line.
+
+    Args:
+        text: any text.
+    """
+    pieces = _UNBROKEN.split(text)
+    return join(element("span", one, class_="word") if k % 2 else one for k, one in enumerate(pieces))
 
 
 def table(headers: Sequence[str], rows: Iterable[Sequence[Html | str]], **attributes: object) -> Html:
@@ -145,7 +160,9 @@ def render(section: Section) -> Html:
     if not section.bodies:
         return Html("")
     heading = element("summary", element("h2", section.title))
-    folded = element("details", heading, element("p", section.lead), switched(section.bodies), class_="fold", open=True)
+    folded = element(
+        "details", heading, element("p", prose(section.lead)), switched(section.bodies), class_="fold", open=True
+    )
     return element("section", folded, id=section.key)
 
 
@@ -192,7 +209,7 @@ def make_page(front: Front, scene: dict[str, Any], sections: Sequence[Section]) 
     ]
     chip = element("span", front.chip, class_=f"chip {front.status}")
     top = element("div", front.picture, element("div", front.side, class_="side"), class_="top")
-    message = [element("p", front.message)] if front.message else []
+    message = [element("p", prose(front.message))] if front.message else []
     body = [
         element("header", chip, element("h1", front.title), *message),
         element("main", top, *map(render, sections)),

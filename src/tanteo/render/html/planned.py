@@ -53,11 +53,11 @@ def _front(
     if plan.reached:
         count = f"{n} readings place" if n > 1 else "1 reading places" if n else "No reading is needed to place"
         title = f"{count} {what}."
-    layers = [Layer("readings", "planned readings"), Layer("names", "numbers")]
+    layers = [Layer("readings", "planned readings"), Layer("names", "numbers")] if n else []
     if plan.feature is not None:
         layers.append(Layer("sticks", plan.feature))
     legend = [("stick", f"{plan.feature}, to which the tolerance applies")] if plan.feature is not None else []
-    legend += [("arrow", "planned reading with its number; the tip is the expected point on the part")]
+    legend += [("arrow", "planned reading with its number; the tip is the expected point on the part")] if n else []
     overlay = f"overlays: off by 1, 2 and 3 sd after the last{times(enlarged)}"
     facts = fact_list([*_facts(plan, probe, tolerance, confidence), *run.facts])
     side = join([element("h2", "Result"), element("dl", facts, class_="first")])
