@@ -94,6 +94,10 @@ def engine(wedge, folder):
     return report(wedge, folder)
 
 
+def python(wedge, folder):
+    return report(wedge, folder)
+
+
 def round_features(wedge, folder):
     """Twelve touches of a bore of 10 mm in three rings, and the face in which it is."""
     from tanteo.features import Feature
@@ -123,6 +127,7 @@ GIVEN = {
         bench,
         catalogue,
         engine,
+        python,
         replay,
         reading_cad,
         report,

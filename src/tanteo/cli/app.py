@@ -93,7 +93,7 @@ class Grouped(TyperCommand):
                     formatter.write_dl(groups[name])
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """Write the example as it is typed.
+        """Write the example unchanged.
 
         Args:
             ctx: context of the parser.
