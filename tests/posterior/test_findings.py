@@ -11,6 +11,7 @@ import tanteo
 from bare_scenes import surface_points
 from tanteo import Readings, locate, read_part
 from tanteo.parts import Surface
+from tanteo.posterior import prepare
 from tanteo.posterior.findings import Scale, about_directions, about_spread, about_units
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
@@ -112,3 +113,15 @@ def test_readings_beside_a_part_that_fits_are_named():
     answer = locate(readings, part)
     assert answer.status == "ambiguous"
     assert "Readings 14 and 15 are not on it. Expect outliers (--outlier-rate 10%)" in answer.message
+
+
+def test_gaps_of_the_file_are_named_where_no_part_fits(tmp_path):
+    """A bracket without every seventh triangle; with them its touches fit, and nothing is said of gaps."""
+    part = read_part(PARTS / "bracket_left.step")
+    points, normals = surface_points(prepare(part), 30, np.random.default_rng(4))
+    readings = Readings.from_columns(points, directions=-normals, sds=np.full(30, 5e-5))
+    triangles = part.triangles[np.arange(len(part.triangles)) % 7 > 0]
+    lines = [f"OFF {len(part.vertices)} {len(triangles)} 0", *(" ".join(map(str, p)) for p in part.vertices)]
+    (tmp_path / "torn.off").write_text("\n".join([*lines, *(" ".join(map(str, (3, *t))) for t in triangles)]))
+    assert "The surface of torn is open" in locate(readings, read_part(tmp_path / "torn.off", unit="m")).message
+    assert "gaps" not in locate(readings, part).message

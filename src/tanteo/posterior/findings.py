@@ -34,6 +34,7 @@ from tanteo.words.findings import (  # fmt: skip
     DirectionsQuestion,
     FreeSpaceCrossed,
     NormalsQuestion,
+    OpenSurface,
     SharedEstimates,
     SpreadQuestion,
     TooFarApart,
@@ -99,6 +100,7 @@ def about_readings(
         find_repeated(measured),
         find_stuck(readings),
         _too_wide(answer, measured, parts, settings.checks),
+        _open_surface(answer, parts),
     )
     return tuple(one for one in found if one is not None)
 
@@ -324,6 +326,14 @@ def _too_wide(
     if away <= DEFAULTS.checks.too_wide * widest:
         return None
     return TooFarApart(away, widest)
+
+
+def _open_surface(answer: Answer, parts: Sequence[Part]) -> OpenSurface | None:
+    """Return the finding that the surface of the closest part is open if the readings fit no part; otherwise None."""
+    if answer.status != "unknown" or not answer.hypotheses:
+        return None
+    name = answer.hypotheses[0].part
+    return None if prepare(part_named(parts, name)).part.closed else OpenSurface(name)
 
 
 def _away(points: Vectors) -> FloatArray:

@@ -80,11 +80,12 @@ def distinction_lines(found: Discrimination, *, layout: Layout = PLAIN) -> list[
     lines = [layout.bold(printable(found.message))]
     if np.isfinite(found.origin).all():
         start, way = (_three(v, d).replace(" ", ", ") for v, d in ((1e3 * found.origin, 1), (found.direction, 3)))
+        wide = max(11, *map(len, found.parts))
         lines += [
             f"  from        ({start}) mm along ({way}), in the frame of {printable(found.parts[0])}, to which the "
             "other is aligned",
             *(
-                f"  {printable(name):11} {'nothing' if np.isinf(r) else f'{1e3 * r:.2f} mm, sd {1e3 * s:.2f} mm'}"
+                f"  {printable(name):{wide}} {'nothing' if np.isinf(r) else f'{1e3 * r:.2f} mm, sd {1e3 * s:.2f} mm'}"
                 for name, r, s in zip(found.parts, found.ranges, found.sds, strict=True)
             ),
             f"  information {found.information / np.log(2):.0%} of a complete decision between them",

@@ -174,6 +174,18 @@ class MissedPoses(Finding):
 
 
 @dataclass(frozen=True, slots=True)
+class OpenSurface(Finding):
+    """The readings fit no part, and the CAD file of the closest one has gaps.
+
+    Attributes:
+        part: name of the part.
+    """
+
+    kind: ClassVar[str] = "open_surface"
+    part: str
+
+
+@dataclass(frozen=True, slots=True)
 class NotSearched(Finding):
     """Parts that were not searched may explain the readings as well.
 

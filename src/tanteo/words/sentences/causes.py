@@ -127,6 +127,13 @@ def _(one: f.MissedPoses) -> Words:
 
 
 @words_of.register
+def _(one: f.OpenSurface) -> Words:
+    return (
+        f"The surface of {one.part} is open, and readings in its gaps fit no face."
+    ), "Check the CAD file (tanteo part show), and export it again as a closed solid."
+
+
+@words_of.register
 def _(one: f.NotSearched) -> Words:
     return (
         f"{one.count:,} parts were not searched. Together they may explain it with a probability of up to "
