@@ -329,11 +329,11 @@ def _too_wide(
 
 
 def _open_surface(answer: Answer, parts: Sequence[Part]) -> OpenSurface | None:
-    """Return the finding that the surface of the closest part is open if the readings fit no part; otherwise None."""
-    if answer.status != "unknown" or not answer.hypotheses:
+    """Return the finding that the best part has gaps, to which undecided readings may belong; None without any."""
+    best = answer.hypotheses[0] if answer.hypotheses else None
+    if answer.status not in ("unknown", "ambiguous") or best is None or not best.outliers:
         return None
-    name = answer.hypotheses[0].part
-    return None if prepare(part_named(parts, name)).part.closed else OpenSurface(name)
+    return None if prepare(part_named(parts, best.part)).part.closed else OpenSurface(best.part)
 
 
 def _away(points: Vectors) -> FloatArray:

@@ -175,7 +175,7 @@ class MissedPoses(Finding):
 
 @dataclass(frozen=True, slots=True)
 class OpenSurface(Finding):
-    """The readings fit no part, and the CAD file of the closest one has gaps.
+    """Some readings do not fit the best part, whose CAD file has gaps.
 
     Attributes:
         part: name of the part.

@@ -129,7 +129,7 @@ def _(one: f.MissedPoses) -> Words:
 @words_of.register
 def _(one: f.OpenSurface) -> Words:
     return (
-        f"The surface of {one.part} is open, and readings in its gaps fit no face."
+        f"The surface of {one.part} is open: readings in its gaps fit no face."
     ), "Check the CAD file (tanteo part show), and export it again as a closed solid."
 
 
