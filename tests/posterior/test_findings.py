@@ -116,7 +116,7 @@ def test_readings_beside_a_part_that_fits_are_named():
 
 
 def test_gaps_of_the_file_are_named_where_no_part_fits(tmp_path):
-    """A bracket without every seventh triangle; with them its touches fit, and nothing is said of gaps."""
+    """A bracket without every seventh triangle; with them its touches fit, and no gaps are named."""
     part = read_part(PARTS / "bracket_left.step")
     points, normals = surface_points(prepare(part), 30, np.random.default_rng(4))
     readings = Readings.from_columns(points, directions=-normals, sds=np.full(30, 5e-5))

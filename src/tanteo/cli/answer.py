@@ -31,11 +31,7 @@ _HEADER = re.compile(r"(?:^|,)\s*(?:x|range)_(mm|m|um|in)\s*(?:,|$)", re.MULTILI
 
 
 def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Options, file: FileOptions) -> None:
-    """Identify the sensed part and its pose, with probabilities and a covariance.
-
-    Example:
-        tanteo identify examples/readings/bracket_left.csv --parts examples/parts
-    """
+    """Identify the sensed part and its pose, with probabilities and a covariance."""
     known = typed.read_known(options.table, options.box, options.pose_prior, options.prior, options.rests)
     start = time.perf_counter()
     if options.as_published:
@@ -211,12 +207,7 @@ def _print_latency(path: str, answer: posterior.Answer, given: Given, options: O
 
 
 def locate(readings: args.ReadingsPath, part: args.PartPath, options: Options, file: FileOptions) -> None:
-    r"""Estimate the pose of a known part, with its covariance.
-
-    Example:
-        tanteo locate examples/readings/bracket_left.csv --need 0.5mm \
-            --part examples/parts/bracket_left.step
-    """
+    """Estimate the pose of a known part, with its covariance."""
     files.require_file("--part", part)
     identify(readings, [part], options, file)
 
@@ -230,7 +221,7 @@ def print_answer(
     to_stderr: bool = False,
     more: Mapping[str, Any] | None = None,
 ) -> None:
-    r"""Print an answer as text, or as a JSON document with its status on standard error.
+    """Print an answer as text, or as a JSON document with its status on standard error.
 
     Args:
         answer: answer to print.
@@ -239,10 +230,6 @@ def print_answer(
         verbose: whether to print more details.
         to_stderr: whether to print to standard error, because standard output carries lines for a controller.
         more: further keys of the document.
-
-    Example:
-        tanteo locate examples/readings/bracket_left.csv --need 0.5mm \
-            --part examples/parts/bracket_left.step
     """
     if as_json:
         put(io.documents.document_json({**io.recognition_document(answer), **(more or {})}, warned()))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import inspect
 import re
-import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -38,6 +37,7 @@ from tanteo.cli import (  # fmt: skip
     sensor,
     view,
 )
+from tanteo.cli.help_examples import EXAMPLES
 from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, listening, put_json
 from tanteo.cli.typed import Words
@@ -209,6 +209,7 @@ def _command(function: Callable[..., None], check: Callable[[Mapping[str, Any]],
             function(**values[""], **made)
 
     run.__signature__ = inspect.Signature([option.parameter for option in options])  # type: ignore[attr-defined]
+    run.__doc__ = function.__doc__
     run.__annotations__ = {option.parameter.name: option.parameter.annotation for option in options}
     return run
 
@@ -218,9 +219,8 @@ def _group(words: str) -> typer.Typer:
 
 
 def _add(to: typer.Typer, name: str, function: Callable[..., None], check: Any = None) -> None:
-    command = _command(function, check)
-    command.__doc__, _, example = (inspect.getdoc(function) or "").partition("\n\nExample:\n")
-    to.command(name, cls=Grouped, epilog=textwrap.dedent(example))(command)
+    example = EXAMPLES.get(f"{function.__module__.rpartition('.')[2]}.{function.__name__}")
+    to.command(name, cls=Grouped, epilog=example)(_command(function, check))
 
 
 def _version(wanted: bool) -> None:

@@ -70,9 +70,6 @@ def bench(
     """Compare programs that locate parts, on the same scenes.
 
     The scores are accuracy, consistency of the covariances, calibration of the probabilities, and time.
-
-    Example:
-        tanteo bench points --scenes 5
     """
     from tanteo.bench import write_set
     from tanteo.bench.tables import read_scores, write_scores

@@ -38,9 +38,6 @@ def build(
     """Create a catalogue from CAD files, or update it.
 
     Unchanged files are not read again.
-
-    Example:
-        tanteo catalogue build examples/parts --out parts.catalogue
     """
     from tanteo.catalogue import build_catalogue
 

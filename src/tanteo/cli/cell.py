@@ -23,13 +23,9 @@ def check_cell(
     readings: args.ReadingsPath, part: args.PartPath, options: Options, file: FileOptions, *,
     arm: args.ArmPath = None, joints: args.JointAngles = None, joint_sd: args.JointSd = _JOINT_SD,
 ) -> None:  # fmt: skip
-    r"""Test the stated errors of a cell with readings of a known part.
+    """Test the stated errors of a cell with readings of a known part.
 
     Tests the errors of tip, mounting, base, bias and joint zeros, and proposes the next reading.
-
-    Example:
-        tanteo check-cell examples/readings/clamp_ball_tip.csv \
-            --part examples/parts/clamp.step --tip-sd 2,2,2mm
     """
     import numpy as np
 

@@ -41,9 +41,6 @@ def demo(
     """Show a recognition from start to end with a simulated part.
 
     Recognizes one of twelve parts on a table from an image and a laser, with its uncertainty.
-
-    Example:
-        tanteo demo --no-open
     """
     from tanteo.bench.demo import run_demo
 

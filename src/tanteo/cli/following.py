@@ -48,9 +48,6 @@ def next_reading(
     """Name the next reading for a file of readings.
 
     It decides an ambiguous or insufficient answer, or improves the pose up to --goal.
-
-    Example:
-        tanteo next examples/readings/step_not_felt.csv --parts examples/parts
     """
     from tanteo.planning.following import NextReading, next_reading
     from tanteo.words.findings import GoalReached

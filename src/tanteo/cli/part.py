@@ -21,9 +21,6 @@ def show(
     """Show the content of a CAD file.
 
     Lists planes, edges, vertices, curved faces, symmetry, box and repairs.
-
-    Example:
-        tanteo part show examples/parts/wedge.step
     """
     files.require_file("FILE", file)
     (part,) = files.read_all_parts([file], units, quiet=json)

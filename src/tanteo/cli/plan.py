@@ -144,13 +144,9 @@ def check_plan(typed: Mapping[str, Any]) -> None:
 
 
 def plan(options: Options, reach: ReachOptions, program: ProgramOptions) -> None:
-    r"""Plan readings of a part before sensing it.
+    """Plan readings of a part before sensing it.
 
     Finds few readings that place a part within a tolerance, or the one that discriminates two parts.
-
-    Example:
-        tanteo plan --part examples/parts/bracket_left.step --goal 0.5mm --sd 0.1mm \
-            --pose-prior '400,200,0mm 0,0,90deg +- 5mm 3deg'
     """
     with misuse():
         probe = options.probe(program, reach)
@@ -168,12 +164,7 @@ def plan(options: Options, reach: ReachOptions, program: ProgramOptions) -> None
 
 
 def _plan(part: Part, probe: Probe, options: Options, program: ProgramOptions) -> None:
-    r"""Compute a plan, print it, and write its files.
-
-    Example:
-        tanteo plan --part examples/parts/bracket_left.step --goal 0.5mm --sd 0.1mm \
-            --pose-prior '400,200,0mm 0,0,90deg +- 5mm 3deg'
-    """
+    """Compute a plan, print it, and write its files."""
     from tanteo.planning import plan
     from tanteo.planning.start import at_origin, at_pose
     from tanteo.render.html import plan_page

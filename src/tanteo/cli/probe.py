@@ -77,13 +77,9 @@ class Options(AssumedErrors):
 
 
 def probe(options: Options, machine: MachineOptions) -> None:
-    r"""Place a part with a machine that moves a touch probe.
+    """Place a part with a machine that moves a touch probe.
 
     All motions stay within the given limits.
-
-    Example:
-        tanteo probe --machine fake:grbl --part examples/parts/bracket_left.step \
-            --goal 0.3mm --sd 0.02mm
     """
     words = controller.Words(options.pose_as, options.wcs, False, options.accept_turn_lost)
     files.check_report(options.report)

@@ -54,14 +54,10 @@ def see(
     json: args.Json = False,
     verbose: args.Verbose = False,
 ) -> None:
-    r"""Recognize and locate the parts in images.
+    """Recognize and locate the parts in images.
 
     Finds several parts on a table if the pose of the camera is known (its file, --marks, --hand-poses), else one part
     in any pose. Several images of one scene give one answer.
-
-    Example:
-        tanteo see examples/images/three_parts.png --parts examples/parts \
-            --camera examples/images/camera.yaml --marks examples/images/marks.csv
     """
     start = time.perf_counter()
     cameras = Cameras(

@@ -59,11 +59,7 @@ class Options:
 
 
 def sense_plane(options: Options) -> None:
-    """Acquire a flat face without touching it.
-
-    Example:
-        tanteo sense plane --scene examples/scenes/bracket.toml
-    """
+    """Acquire a flat face without touching it."""
     _sense("plane", options)
 
 

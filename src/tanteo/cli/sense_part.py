@@ -81,13 +81,9 @@ def sense_part(
     json: args.Json = False,
     verbose: args.Verbose = False,
 ) -> None:
-    r"""Recognize and locate a part with the range sensors of a simulated hand.
+    """Recognize and locate a part with the range sensors of a simulated hand.
 
     Starts from a prior pose or an image.
-
-    Example:
-        tanteo sense part --scene examples/scenes/part_unknown.toml \
-            --parts examples/parts --goal 2mm
     """
     if scene is None and cell is None:
         raise MisuseError("--scene: expected a scene, or --cell for an example of a cell, got neither. Name one.")

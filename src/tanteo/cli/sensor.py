@@ -62,9 +62,6 @@ def show_preset(
     """Show the figures of one sensor or robot.
 
     Noise over range and incidence, limits and source.
-
-    Example:
-        tanteo sensor show vl53l5cx
     """
     from tanteo.sensors.presets import RobotPreset
 
@@ -161,13 +158,9 @@ def fit(
     json: args.Json = False,
     verbose: Annotated[bool, args.option("--verbose -v", None, "Print more details.")] = False,
 ) -> None:
-    r"""Calibrate a rig from readings of flat surfaces, of a known target, or at known distances.
+    """Calibrate a rig from readings of flat surfaces, of a known target, or at known distances.
 
     Estimates beams, noise and bias. Flat surfaces may be anywhere. A column true_distance_mm replaces hand poses.
-
-    Example:
-        tanteo sensor fit examples/readings/plane_log.csv \
-            --rig examples/readings/tof_rig.toml
     """
     from tanteo.sensors import calibrate
     from tanteo.sensors.presets import robot_preset, sensor_preset

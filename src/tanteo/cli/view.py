@@ -91,13 +91,9 @@ def view(
     port: Annotated[int, args.option("--port", None, "Port of the page; the next free one if it is taken.")] = 8080,
     no_open: Annotated[bool, args.option("--no-open", None, "Do not open the page in a browser.")] = False,
 ) -> None:
-    r"""Show a running session or a record in a browser.
+    """Show a running session or a record in a browser.
 
     The page steps through the session, and lets the user choose readings.
-
-    Example:
-        tanteo view --scene examples/scenes/part_unknown.toml \
-            --parts examples/parts --goal 2mm
     """
     from tanteo.render.live import NEEDS_VISER, replay
 
