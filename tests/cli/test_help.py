@@ -34,7 +34,7 @@ def typed_in(example):
     return shlex.split(example.replace("\\\n", " "))
 
 
-def test_every_example_belongs_to_a_command():
+def test_every_example_is_one_of_a_command():
     assert sorted(TEXTS.values()) == sorted(EXAMPLES.values())
 
 
