@@ -11,7 +11,6 @@ import typer
 
 from tanteo.cli import app
 from tanteo.cli.app import spread_values
-from tanteo.cli.help_examples import EXAMPLES as TEXTS
 
 ROOT = Path(__file__).parents[2]
 
@@ -32,10 +31,6 @@ EXAMPLES = {words: one.epilog for words, one in COMMANDS.items() if one.epilog}
 def typed_in(example):
     """Return the words that a shell makes of an example."""
     return shlex.split(example.replace("\\\n", " "))
-
-
-def test_every_example_is_one_of_a_command():
-    assert sorted(TEXTS.values()) == sorted(EXAMPLES.values())
 
 
 def test_help_has_sections_in_one_order_and_no_types():

@@ -133,11 +133,6 @@ def _of_angles(R: Rotations) -> Rotations:
     return SO3.axis_rotation(2, yaw) @ SO3.axis_rotation(1, pitch) @ SO3.axis_rotation(0, roll)
 
 
-def _of_degrees(R: Rotations) -> Rotations:
-    """Return rotations whose rotation vectors in radians were read as degrees."""
-    return SO3.exp(np.degrees(SO3.log(R)))
-
-
 HANDS = (
     Mistake(HandConvention, "quaternion_xyzw", _turned(_order(1))),
     Mistake(HandConvention, "quaternion_wxyz", _turned(_order(-1))),
