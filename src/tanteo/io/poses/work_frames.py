@@ -234,11 +234,11 @@ def _offset(
     if where.within:
         before, words = _after(OFFSETS[where.within], x, y, z, a)
     lines = [
-        f"({gcode_comment(note(at.off))})",
+        f"({_gcode_comment(note(at.off))})",
         f"(readings in {where.within or 'machine coordinates'}, millimetres)",
         "G21 G90",
     ]
-    lines += [f"(warning: {gcode_comment(text)})" for text in warnings[:-1]]
+    lines += [f"(warning: {_gcode_comment(text)})" for text in warnings[:-1]]
     return WrittenFrame("\n".join([*lines, *before, f"G10 L2 P{OFFSETS[slot]} {words}", *after, ""]), tuple(warnings))
 
 
@@ -256,12 +256,8 @@ def _after(number: int, x: str, y: str, z: str, a: str) -> tuple[list[str], str]
     return before, f"{along} Z[{oz} + [{z}]] R[{turn} + [{a}]]"
 
 
-def gcode_comment(text: str) -> str:
-    """Return a text without characters that end or start a G-code comment.
-
-    Args:
-        text: any text.
-    """
+def _gcode_comment(text: str) -> str:
+    """Return a text without characters that end or start a G-code comment."""
     return re.sub(r"[^\x20-\x7e]", "?", text.replace("(", "[").replace(")", "]"))
 
 

@@ -7,11 +7,11 @@ the program, and so does a probe that trips in any other motion. ``PROBEOPEN`` l
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterator
 
 from tanteo.geometry.typing import Vectors
-from tanteo.io.poses.work_frames import gcode_comment
 from tanteo.machines.programs.job import Job, Touch
 
 LOG = "tanteo_touches.txt"
@@ -49,7 +49,7 @@ def grbl(job: Job) -> str:
 
 
 def _program(job: Job, head: list[str], *, before: list[str], after: list[str]) -> str:
-    lines = [f"({row})" for text in [*header(job), *head] for row in textwrap.wrap(gcode_comment(text), _WIDTH)]
+    lines = [f"({row})" for text in [*header(job), *head] for row in textwrap.wrap(_comment(text), _WIDTH)]
     lines += ["G21 G90 G94 G17 G40", "G54", *before, f"G0 Z{_mm(job.safe_height)}"]
     for touch in job.touches:
         lines += _touch(job, touch)
@@ -75,7 +75,7 @@ def header(job: Job) -> list[str]:
 
 def _touch(job: Job, touch: Touch) -> Iterator[str]:
     x, y, z = (_mm(v) for v in touch.start)
-    yield f"(touch {touch.number}: {gcode_comment(touch.face)[:20]}, contact {_xyz(touch.contact)})"
+    yield f"(touch {touch.number}: {_comment(touch.face)[:20]}, contact {_xyz(touch.contact)})"
     yield f"G0 X{x} Y{y}"
     yield f"G0 Z{z}"
     yield f"G38.2 {_xyz(touch.stop)} F{60e3 * job.feed:.4g}"
@@ -89,3 +89,8 @@ def _mm(metres: float) -> str:
 
 def _xyz(point: Vectors) -> str:
     return " ".join(f"{axis}{_mm(v)}" for axis, v in zip("XYZ", point, strict=True))
+
+
+def _comment(text: str) -> str:
+    """Return the text without characters that would end a comment or begin another."""
+    return re.sub(r"[^\x20-\x7e]", "?", text.replace("(", "[").replace(")", "]"))
