@@ -40,6 +40,14 @@ EXACT = Cuts(np.inf, np.inf, 0.0, np.inf)
 GRAZING, CLEARLY, BACK_FACE, BLOCKED, IN_FRONT = 0.02, 0.1, 1e-6, 2e-22, 4.0
 
 
+def one_sided(z):
+    """Return amounts on one side with mean 0 and variance 1: even from none to a half, normal above."""
+    x, w = np.polynomial.hermite_e.hermegauss(200)
+    h = lambda z: np.where(z < 0, norm.cdf(z), 0.5 + z / np.sqrt(2 * np.pi))  # noqa: E731
+    mean = w @ h(x) / w.sum()
+    return (h(z) - mean) / np.sqrt(w @ (h(x) - mean) ** 2 / w.sum())
+
+
 class Oracle:
     """The log density of one question about one body."""
 
@@ -71,7 +79,8 @@ class Oracle:
         """Return the faces, edges or corners that a point may be on, with densities relative to an outlier's."""
         q, R = self.q, T[:3, :3]
         D = q.shared_jacobian.shape[2]
-        p = R.T @ (q.points[j] + q.shared_jacobian[j] @ z[:D] - T[:3, 3])
+        sides = q.one_sided if len(q.one_sided) else np.zeros(D)
+        p = R.T @ (q.points[j] + q.shared_jacobian[j] @ np.where(sides, one_sided(z[:D]), z[:D]) - T[:3, 3])
         scale = np.exp(q.scale_sd * z[D]) if q.scale_sd > 0 else 1.0
         C = R.T @ (scale**2 * q.covs[j]) @ R + q.extra[j] * np.eye(3)
         of_kind = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -54,6 +54,7 @@ class Question:
     prior_roots: np.ndarray
     prior_log_weights: np.ndarray
     table: np.ndarray
+    one_sided: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
 
     def core(self, area=0.0, length=0.0):
         """Compiled, with the size of the touched region on faces and edges; every label covers a third of it."""
@@ -63,11 +64,11 @@ class Question:
             blocks.append((_core.make_factors(NAMES[kind], self._columns(rows, kind)), rows))
         rest = [getattr(self, f.name) for f in fields(self)[fields_before_shared() :]]
         elsewhere = np.full(self.groups.max(initial=-1) + 1, self.elsewhere)
-        shared, *others = (np.ascontiguousarray(v) if isinstance(v, np.ndarray) else v for v in rest)
+        shared, *others, sides = (np.ascontiguousarray(v) if isinstance(v, np.ndarray) else v for v in rest)
         furniture = np.ascontiguousarray(self.furniture)
         region = np.array([area, length]), np.full(len(elsewhere), area / 3)
         none = np.zeros((0, 3, 0))
-        return _core.make_problem(blocks, furniture, self.groups, elsewhere, shared, none, *others, *region)
+        return _core.make_problem(blocks, furniture, self.groups, elsewhere, shared, none, *others, *region, sides)
 
     def _columns(self, rows, kind):
         """Return the columns of a kind."""
@@ -188,6 +189,11 @@ def with_shared(q, D, rng, size=1e-3):
         q, shared_jacobian=size * rng.normal(size=(len(q.points), 3, D)), ray_shifts=size * rng.normal(size=(m, 3, D)),
         ray_turns=0.01 * rng.normal(size=(m, 3, D)),
     )  # fmt: skip
+
+
+def with_amounts(q, rng):
+    """Two shared errors on one side and one on both."""
+    return replace(with_shared(q, 3, rng), one_sided=np.array([1, 0, 1], np.int32))
 
 
 def with_rays(q, body, T, rng, m=12, slope=0.0):

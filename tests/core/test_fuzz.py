@@ -22,7 +22,7 @@ BLOCK = flat_bodies()["block"]
 ARRAYS = [
     f.name
     for f in fields(Question)
-    if f.name not in ("kinds", "circles", "groups", "elsewhere", "scale_sd", "mean_rate")
+    if f.name not in ("kinds", "circles", "groups", "elsewhere", "scale_sd", "mean_rate", "one_sided")
 ]
 
 
@@ -132,7 +132,7 @@ def test_every_measurement_stands_in_one_row(rows):
     points = _core.make_factors("surface_point", {"points": q.points, "covs": q.covs})
     rest = q.groups, np.zeros(0), q.shared_jacobian, np.zeros((0, 3, 0)), 0.0, q.rates, q.rate_weights, q.mean_rate
     last = q.rays, q.ray_shifts, q.ray_turns, q.prior_means, q.prior_roots, q.prior_log_weights, q.table
-    last = *last, np.zeros(2), np.zeros(0)
+    last = *last, np.zeros(2), np.zeros(0), np.zeros(0, np.int32)
     with pytest.raises(ValueError, match=r"^rows: "):
         _core.make_problem([(points, np.array(rows, np.int32))], np.zeros(3), *rest, *last)
 

@@ -74,7 +74,7 @@ def _labelled_sides(q, normals, body, T, rng):
 
 
 def _shared(q, normals, body, T, rng):
-    return with_shared(with_rays(q, body, T, rng), 3, rng)
+    return replace(with_shared(with_rays(q, body, T, rng), 3, rng), one_sided=np.array([0, 1, 0], np.int32))
 
 
 def _scale(q, normals, body, T, rng):

@@ -16,6 +16,7 @@ from core.questions import (
     oriented,
     random_pose,
     touched,
+    with_amounts,
     with_prior,
     with_shared,
 )
@@ -64,6 +65,7 @@ def scene(body, seed, make=lambda q, normals, rng: q, n=15, poses=6):
 EXACT = {
     "points": lambda q, normals, rng: q,
     "shared": lambda q, normals, rng: with_shared(q, 3, rng),
+    "amounts": lambda q, normals, rng: with_amounts(q, rng),
     "labels": lambda q, normals, rng: replace(q, groups=rng.integers(-1, 3, len(q.points)).astype(np.int32)),
     "normals": lambda q, normals, rng: oriented(q, normals, rng),
     "furniture": lambda q, normals, rng: furnished(

@@ -53,6 +53,21 @@ def test_stated_stock_is_estimated_by_face(block):
         assert abs(value - of_face[name]) < 3 * sd
 
 
+def test_a_face_alone_is_as_uncertain_as_its_stock(block):
+    """Where no opposite face was touched, the pose has the distribution of the stock on one side."""
+    rng = np.random.default_rng(5)
+    p = beams(block, 400, rng, tilt=0.0)[0]
+    normals = block.surface.normals[block.surface.closest(p).triangles]
+    top = np.flatnonzero(normals[:, 2] > 0.9)[:5]
+    points = SE3.apply(T, p[top]) + SD * rng.normal(size=(5, 3))
+    readings = tanteo.Readings.from_columns(points, directions=np.tile([0, 0, -1.0], (5, 1)), sds=np.full(5, SD))
+    known = tanteo.PosePrior(T_world_part=T, covariance=np.diag([1e-5, 1e-5, 0.1, 1e-5, 1e-5, 1e-5]) ** 2)
+    answer = tanteo.locate(readings, block, shared_errors=(Stock(3e-3),), priors=tanteo.Priors(pose=known))
+    lower = T[2, 3] - answer.best.T_world_part[2, 3]
+    assert lower == pytest.approx(Stock.center * 3e-3, rel=0.15)
+    assert np.sqrt(answer.best.covariance[2, 2]) == pytest.approx(Stock.spread * 3e-3, rel=0.15)
+
+
 def test_stock_that_is_not_stated_is_named_by_face(block):
     answer = tanteo.locate(touches(block, AMOUNTS, 2)[0], block, priors=tanteo.Priors(pose=NEAR))
     found = next(one for one in answer.findings if isinstance(one, OffsetQuestion))

@@ -26,6 +26,8 @@ from tanteo.sensors.error_states import (
     Scale,
     Stock,
     TriggerDrift,
+    one_sided,
+    stepped_amounts,
 )
 
 SD = 1e-4
@@ -109,6 +111,26 @@ def test_a_fan_turns_points_about_its_sensor(rng):
     measured = measure(readings, rig=rig, shared_errors=(Fan(0.005),))
     turned = SE3.apply(T @ SE3.from_parts(SO3.exp(np.array([1e-6, 0, 0])), np.zeros(3)), np.array([0, 0, 0.5]))
     np.testing.assert_allclose(measured.jacobians[0][0, :, 0], (turned - measured.points[0]) / 1e-6, atol=1e-6)
+
+
+def test_amounts_are_on_one_side(rng):
+    z = rng.normal(size=100_000)
+    amounts, own = Stock(3e-3).amounts(z), Stock(3e-3)
+    assert amounts.min() >= 0
+    assert np.mean(amounts > 3e-3) == pytest.approx(0.105, abs=0.004)
+    assert amounts.mean() == pytest.approx(own.center * own.sd, rel=0.01)
+    assert amounts.std() == pytest.approx(own.spread * own.sd, rel=0.01)
+    assert np.mean(amounts < 5e-4) == pytest.approx(1 / 6, abs=0.005)
+
+
+def test_steps_of_amounts_are_linear_in_them(rng):
+    z, x = rng.uniform(-2.5, 2.5, 200), 1e-5
+    rate = (one_sided(z + x) - one_sided(z - x)) / (2 * x)
+    step = rng.uniform(-0.5, 2.0, 200) / rate
+    there = one_sided(z) + rate * step
+    inside = there > one_sided(np.array(-4.0))
+    np.testing.assert_allclose(one_sided(stepped_amounts(z, step))[inside], there[inside], atol=1e-9)
+    np.testing.assert_allclose(stepped_amounts(z, step)[~inside], (z + step)[~inside], atol=2.0)
 
 
 def test_stock_is_by_face():

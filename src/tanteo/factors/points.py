@@ -47,6 +47,7 @@ class ContactPoints:
         turn_jacobian: true direction of a beam = direction + jacobian z ``(n, 3, D)``; empty if no factor needs it.
         rounding: standard deviation of rounded coordinates that the covariances contain [m]; the scale of the noise
             does not multiply it.
+        one_sided: mask of the first shared errors that act on one side only, see :func:`one_sided`; others do not.
         points: sensed places in the world, centres of the ball where ``radii`` is positive ``(n, 3)`` [m].
         covs: independent covariances, with tolerance and rounding ``(n, 3, 3)`` [m^2].
         sd: largest standard deviation of each ``(n,)`` [m].
@@ -68,6 +69,7 @@ class ContactPoints:
     kinds: tuple[str, ...] = ()
     turn_jacobian: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     rounding: float = 0.0
+    one_sided: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     points: Vectors = field(init=False, repr=False)
     covs: Covariances = field(init=False, repr=False)
     sd: FloatArray = field(init=False, repr=False)
@@ -156,8 +158,9 @@ class ContactPoints:
         factors = tuple(self.factors[i] for i in rows)
         turns = self.turn_jacobian[rows] if len(self.turn_jacobian) else self.turn_jacobian
         return ContactPoints(
-            ids, factors, self.shared_jacobian[rows], self.tolerance, places, labels, kinds, turns, self.rounding
-        )
+            ids, factors, self.shared_jacobian[rows], self.tolerance, places, labels, kinds, turns, self.rounding,
+            self.one_sided,
+        )  # fmt: skip
 
     def with_places(self) -> ContactPoints:
         """Return the same measurements with ``places`` set: those along one beam share the place of the first."""
@@ -282,6 +285,7 @@ def as_contact_points(
     return ContactPoints(
         measured.ids, tuple(factors), jacobian, tolerance, labels=measured.features, kinds=measured.kinds,
         turn_jacobian=turns if any(cones) else np.zeros((0, 3, 0)), rounding=measured.rounding,
+        one_sided=np.repeat([e.one_sided for e in measured.shared], [len(e.covariance) for e in measured.shared]),
     )  # fmt: skip
 
 

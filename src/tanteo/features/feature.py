@@ -23,12 +23,14 @@ class SharedError:
         covariance: covariance of the draw ``(d, d)``, in the units that ``meaning`` states.
         meaning: description of the error.
         states: description of each component ``(d,)``; empty if there are none.
+        one_sided: whether each component is an amount from none on, such as stock, instead of a normal variable.
     """
 
     name: str
     covariance: Covariances
     meaning: str = ""
     states: tuple[str, ...] = ()
+    one_sided: bool = False
 
     def __post_init__(self) -> None:
         d = np.shape(self.covariance)[0]

@@ -322,7 +322,7 @@ def _about_groups(part: Part, readings: Readings, question: Query, settings: Set
     found = _answer_with_offsets(part, readings, question, OffsetByGroup(_shared_sd([part])), settings)
     if found is None:
         return None
-    answer, names, values, sds, _ = found
+    answer, names, values, sds = found
     largest, named = max(values, key=abs), tuple(name.removeprefix("group ") for name in names)
     return OffsetQuestion(
         *_fitting(answer), largest, bool(readings.points.given.any()), groups=named, offsets=values, sds=sds
@@ -338,13 +338,7 @@ def _about_stock(part: Part, readings: Readings, question: Query, settings: Sett
     found = _answer_with_offsets(part, readings, question, Stock(_shared_sd([part])), settings)
     if found is None:
         return None
-    from scipy.optimize import nnls  # slow to import
-    from scipy.stats import chi2
-
-    answer, faces, values, sds, covariance = found
-    root = np.linalg.cholesky(np.linalg.inv(covariance)).T
-    if nnls(root, root @ np.array(values))[1] ** 2 > chi2.ppf(1 - NOTABLE, len(values)):
-        return None  # a part that is too small: stock is outside of it
+    answer, faces, values, sds = found
     return OffsetQuestion(*_fitting(answer), max(values), touched=True, faces=faces, offsets=values, sds=sds)
 
 
@@ -355,8 +349,8 @@ def _shared_sd(parts: Sequence[Part]) -> float:
 
 def _answer_with_offsets(
     part: Part, readings: Readings, question: Query, error: ErrorState, settings: Settings
-) -> tuple[Answer, tuple[str, ...], tuple[float, ...], tuple[float, ...], np.ndarray] | None:
-    """Return the answer with offsets of faces or groups, their names, values, sds and covariance; None without them.
+) -> tuple[Answer, tuple[str, ...], tuple[float, ...], tuple[float, ...]] | None:
+    """Return the answer with offsets of faces or groups, their names, values and sds; None without them.
 
     Offsets of opposite faces are known by their sum only, so all are tested together: Hotelling's statistic of all of
     them against none, at one in a million.
@@ -384,11 +378,13 @@ def _answer_with_offsets(
         return None
     rows = slice(estimates.first + len(estimates.names) - count, estimates.first + len(estimates.names))
     values, sds = estimates.values[-count:], estimates.sds[-count:]
-    covariance = (error.sd * error.spread) ** 2 * shared_estimates(best)[1][rows, rows]
+    whitened = shared_estimates(best)[1][rows, rows]
+    scales = np.array(sds) / np.sqrt(np.diagonal(whitened))
+    covariance = scales[:, None] * whitened * scales
     statistic = float(np.array(values) @ np.linalg.solve(covariance, np.array(values))) / count
     if best.dof < count or f_distribution.sf(statistic, count, best.dof) > _CHANCE:
         return None
-    return answer, names, values, sds, covariance
+    return answer, names, values, sds
 
 
 def _misfit(found: tuple[Answer, float, float]) -> float:

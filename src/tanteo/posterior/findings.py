@@ -131,8 +131,9 @@ def estimates_of(
         rows = range(start, start := start + len(shared.covariance))
         faces = faces_of(answer.best, measured, jacobian)
         names += [_on_face(name, face) for name, face in zip(shared.states, faces, strict=True)]
-        values += [error.sd * (error.center + error.spread * float(mean[k])) for k in rows]
-        sds += [error.sd * error.spread * float(np.sqrt(covariance[k, k])) for k in rows]
+        own_mean, own_sd = mean[list(rows)], np.sqrt(np.diagonal(covariance)[list(rows)])
+        values += error.amounts(own_mean).tolist()
+        sds += (0.5 * (error.amounts(own_mean + own_sd) - error.amounts(own_mean - own_sd))).tolist()
         units += [error.unit] * len(rows)
         priors += [error.sd * error.spread] * len(rows)
     if not names or len(names) > _MOST_ESTIMATES:

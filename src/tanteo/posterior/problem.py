@@ -202,6 +202,7 @@ class Problem:
             _c(np.pad(rays.shared_jacobian, more)), _c(np.pad(rays.turns, more)), _c(means), _c(roots), _c(log_weights),
             np.concatenate([np.zeros(0), *(np.r_[plane.point, plane.normal, plane.sd] for plane in planes)]),
             np.array([self.region.area, self.region.length]), self.region.groups,
+            np.pad(t.one_sided, (0, self.shared_errors - len(t.one_sided))).astype(np.int32),
         )  # fmt: skip
         for plane in planes[:FLUSH]:
             core.add(resting(plane, prepared.part))

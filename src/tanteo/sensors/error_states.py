@@ -1,8 +1,9 @@
 """Define the errors that readings share as states: each has a prior and a column of derivatives for each reading.
 
-The true point ``i`` is ``points[i] + sum_k columns_k[i] @ c_k``, where ``c_k`` is normal with mean ``center * sd``
-and standard deviation ``spread * sd``. An error is one class with a name, a unit and its columns; :data:`ERROR_STATES`
-lists the classes for options and records. Nothing else distinguishes errors.
+The true point ``i`` is ``points[i] + sum_k columns_k[i] @ c_k``, where ``c_k`` has mean ``center * sd`` and standard
+deviation ``spread * sd``. It is normal, or an amount on one side (:func:`one_sided`). An error is one class with a
+name, a unit and its columns; :data:`ERROR_STATES` lists the classes for options and records. Nothing else
+distinguishes errors.
 
 The world frame itself is exact: an error that moves all readings equally is an error of that frame, and no reading
 shows it.
@@ -28,6 +29,47 @@ from tanteo.sensors.noise import body_jacobian
 
 MOST_STATES = 504
 """Largest number of states of all shared errors. The core has 512 unknowns, of which 7 are the pose and the noise."""
+
+
+ONE_SIDED = 0.5341549430918953, 0.3465221177284412
+"""Definition: mean and standard deviation of an amount on one side over its scale, 3/8 + 1/(2 pi) and the root of
+1/24 + 1/8 + 1/(2 pi) + 1/(4 pi) less the square of the mean; equal numbers are in ``_core/solve/one_sided.hpp``."""
+
+
+_LEAST_AMOUNT = 1e-6
+"""Numerical: least amount over its scale that a step linear in the amount reaches."""
+
+
+def one_sided(z: FloatArray) -> FloatArray:
+    """Return standardized amounts on one side from standard normal variables.
+
+    The amount over its scale is the normal distribution function up to a half, and its tangent above: even from none
+    to a half, normal above.
+
+    Args:
+        z: standard normal variables.
+    """
+    from scipy.special import ndtr  # slow to import
+
+    amounts = np.where(z < 0, ndtr(np.minimum(z, 0.0)), 0.5 + np.maximum(z, 0.0) / math.sqrt(2 * math.pi))
+    return np.asarray((amounts - ONE_SIDED[0]) / ONE_SIDED[1])
+
+
+def stepped_amounts(z: FloatArray, step: FloatArray) -> FloatArray:
+    """Return states of amounts on one side after steps that are linear in the amounts, as the core makes them.
+
+    Args:
+        z: standard normal variables.
+        step: their steps at the rate of the amounts at ``z``; a step beyond none is linear in the variable.
+    """
+    from scipy.special import ndtr, ndtri  # slow to import
+
+    below = np.minimum(z, 0.0)
+    rate = np.exp(-0.5 * below**2) / math.sqrt(2 * math.pi)
+    amounts = np.where(z < 0, ndtr(below), 0.5 + (z - below) / math.sqrt(2 * math.pi)) + rate * step
+    lower = ndtri(np.clip(amounts, _LEAST_AMOUNT, 0.5))
+    upper = (amounts - 0.5) * math.sqrt(2 * math.pi)
+    return np.asarray(np.where(amounts < _LEAST_AMOUNT, z + step, np.where(amounts < 0.5, lower, upper)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,6 +141,8 @@ class ErrorState(ABC):
     """Mean of each state over ``sd``."""
     spread: ClassVar[float] = 1.0
     """Standard deviation of each state about its mean, over ``sd``."""
+    one_sided: ClassVar[bool] = False
+    """Whether each state is an amount from none on, see :func:`one_sided`."""
 
     def __post_init__(self) -> None:
         check_number(self.name, self.sd, self.unit)
@@ -107,6 +151,14 @@ class ErrorState(ABC):
                 f"{self.name}: expected a standard deviation above 0 and up to {LARGEST:g} {self.unit}, got "
                 f"{self.sd:g}. Check its unit."
             )
+
+    def amounts(self, z: FloatArray) -> FloatArray:
+        """Return the values of states from whitened ones, in the unit of the class.
+
+        Args:
+            z: whitened states, standard normal a priori.
+        """
+        return self.sd * (self.center + self.spread * (one_sided(z) if self.one_sided else z))
 
     @abstractmethod
     def columns(self, sensed: Sensed) -> Columns:
@@ -404,8 +456,8 @@ class Fan(ErrorState):
 class Stock(ErrorState):
     """Material left on the CAD surface [m]: each face has its own amount, from none to about the stated one and more.
 
-    The prior of each amount is normal with half the stated amount as mean and as standard deviation, so that none and
-    the stated amount are one standard deviation from it. :func:`faces_of` groups the readings by face.
+    The prior of each amount is even from none to half of the stated amount, and normal above: more than the stated
+    amount has a probability of 0.1, less than none has no probability. :func:`faces_of` groups the readings by face.
 
     Attributes:
         uniform: whether all faces have the same amount.
@@ -414,8 +466,9 @@ class Stock(ErrorState):
     uniform: bool = False
     name: ClassVar[str] = "stock"
     along_aim: ClassVar[bool] = True
-    center: ClassVar[float] = 0.5
-    spread: ClassVar[float] = 0.5
+    center: ClassVar[float] = ONE_SIDED[0]
+    spread: ClassVar[float] = ONE_SIDED[1]
+    one_sided: ClassVar[bool] = True
 
     def columns(self, sensed: Sensed) -> Columns:
         """Return the approach directions of each face.

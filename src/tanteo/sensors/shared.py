@@ -101,7 +101,8 @@ def of_state(error: ErrorState, columns: Columns) -> SharedEffect:
     name = columns.names[0] if count == 1 else error.name
     cov = (error.spread * error.sd) ** 2 * np.eye(count)
     turns = np.zeros_like(columns.points) if columns.turns is None else columns.turns
-    return SharedEffect(SharedError(name, cov, f"{name} [{error.unit}]", columns.names), columns.points, turns)
+    shared = SharedError(name, cov, f"{name} [{error.unit}]", columns.names, error.one_sided)
+    return SharedEffect(shared, columns.points, turns)
 
 
 def aims_of(readings: Readings, placed: Placed) -> Column:

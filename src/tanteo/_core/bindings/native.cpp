@@ -176,7 +176,8 @@ std::unique_ptr<Problem> make_problem(nb::list blocks, Doubles furniture, Ints g
                                       Doubles shared_jacobian, Doubles direction_jacobian, double scale_sd, Doubles rates,
                                       Doubles rate_weights, double mean_rate, Doubles rays, Doubles ray_shifts,
                                       Doubles ray_turns, Doubles prior_means, Doubles prior_roots,
-                                      Doubles prior_log_weights, Doubles table, Doubles region, Doubles group_regions) {
+                                      Doubles prior_log_weights, Doubles table, Doubles region, Doubles group_regions,
+                                      Ints one_sided) {
     auto problem = std::make_unique<Problem>();
     place_factors(blocks, *problem);
     const size_t n = problem->factors.size(), D = shared_jacobian.ndim() == 3 ? shared_jacobian.shape(2) : 0;
@@ -194,6 +195,8 @@ std::unique_ptr<Problem> make_problem(nb::list blocks, Doubles furniture, Ints g
     problem->scale_sd = expect(scale_sd, "scale_sd", 0, 100);
     if (6 + D + (scale_sd > 0) > MOST_STATES) refuse("shared_jacobian", "expected fewer shared errors, got " + std::to_string(D));
     problem->shared = static_cast<int>(D);
+    if (one_sided.size())  // none otherwise
+        for (const int side : expect(one_sided, "one_sided", D, 0, 1)) problem->one_sided.push_back(static_cast<char>(side));
     problem->log_elsewhere = doubles(log_elsewhere, "log_elsewhere", {problem->groups.size()});
     problem->rates = doubles(rates, "rates", {ANY});
     problem->rate_weights = doubles(rate_weights, "rate_weights", {problem->rates.size()});
@@ -596,7 +599,7 @@ NB_MODULE(native, m) {
     m.def("make_problem", &make_problem, "factors"_a, "furniture"_a, "groups"_a, "log_elsewhere"_a, "shared_jacobian"_a,
           "direction_jacobian"_a, "scale_sd"_a, "rates"_a, "rate_weights"_a, "mean_rate"_a, "rays"_a, "ray_shifts"_a,
           "ray_turns"_a, "prior_means"_a, "prior_roots"_a, "prior_log_weights"_a, "table"_a,
-          "region"_a, "group_regions"_a);
+          "region"_a, "group_regions"_a, "one_sided"_a);
     m.def("log_densities", &log_densities, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("slopes", &slopes, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("details", &details, "shape"_a, "problem"_a, "poses"_a, "shared"_a);

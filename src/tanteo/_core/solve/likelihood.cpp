@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "solve/one_sided.hpp"
+
 namespace tanteo {
 
 constexpr double LEAST_CURVED = 0.25;  // least curvature by the noise scale that steps assume, over the expected one
@@ -15,6 +17,14 @@ void Likelihood::begin(const State& state, bool with_slope, FaceQueue& shared) {
     has_slope = with_slope;
     evaluated.resize(n);
     placements.clear();
+    amounts.assign(state.z.begin(), state.z.begin() + problem.shared);
+    rates.assign(problem.shared, 1.0);
+    for (size_t d = 0; d < problem.one_sided.size(); ++d) {
+        if (!problem.one_sided[d]) continue;
+        const Effect effect = one_sided(state.z[d]);
+        amounts[d] = effect.value;
+        rates[d] = effect.slope;
+    }
     for (int j = 0; j < n; ++j)
         if (is_excluded(j)) evaluated[j] = {};
         else place(state, j, with_slope);
@@ -55,10 +65,10 @@ void Likelihood::place(const State& state, int j, bool with_slope) {
     if (D) {
         const double* G = problem.place_jacobian(j);
         for (int i = 0; i < 3; ++i)
-            for (int d = 0; d < D; ++d) world[i] += G[i * D + d] * state.z[d];
+            for (int d = 0; d < D; ++d) world[i] += G[i * D + d] * amounts[d];
         if (const double* H = factor.has_direction() ? problem.turn_jacobian(j) : nullptr) {
             for (int i = 0; i < 3; ++i)
-                for (int d = 0; d < D; ++d) direction[i] += H[i * D + d] * state.z[d];
+                for (int d = 0; d < D; ++d) direction[i] += H[i * D + d] * amounts[d];
             direction = unit(direction);
         }
     }
@@ -411,9 +421,9 @@ LocalSlope slope_of(const Components& components, const double* weights, std::ve
 }
 
 // The chain rule from a factor's position p and direction m in the part frame to the states (v, w, z):
-//   dp = -v + y x w + R' G dz, with y = p - centre,    dm = m x w + R' H dz.
+//   dp = -v + y x w + R' G da, with y = p - centre,    dm = m x w + R' H da, and amounts da = rates dz.
 void add_states(const LocalSlope& s, const Vec3& y, const Vec3& m, const Mat3& R, const Problem& problem, int j,
-                bool with_pose, double* gradient, double* information) {
+                const std::vector<double>& rates, bool with_pose, double* gradient, double* information) {
     const int D = problem.shared, K = problem.size(), P = 6 + D;
     const bool oriented = problem.factors[j]->has_direction();
     const int rows = oriented ? 6 : 3;
@@ -451,8 +461,8 @@ void add_states(const LocalSlope& s, const Vec3& y, const Vec3& m, const Mat3& R
             h = h - dot(h, m) * m;  // a direction stays a unit vector
         }
         for (int i = 0; i < 3; ++i) {
-            J[i][c] = g[i];
-            J[3 + i][c] = h[i];
+            J[i][c] = rates[d] * g[i];
+            J[3 + i][c] = rates[d] * h[i];
         }
     }
     for (int k = 0; k < n; ++k) {
@@ -491,8 +501,8 @@ void Likelihood::add_factors(const State& state) {
         const double unscaled = factor.extra + blur * blur;
         if (with_pose || problem.shared) {
             const LocalSlope sum = slope_of(components, responsibility.data(), order);
-            add_states(sum, own.p - shape.centre, own.m, state.pose.R, problem, static_cast<int>(j), with_pose,
-                       gradient.data(), information.data());
+            add_states(sum, own.p - shape.centre, own.m, state.pose.R, problem, static_cast<int>(j), rates,
+                       with_pose, gradient.data(), information.data());
         }
         if (problem.scale_sd > 0 && blur == 0) {  // blurred noise is not that of a device
             for (const int k : order) scale.add(components.all[k], factor.codimension(), responsibility[k], unscaled);

@@ -86,6 +86,7 @@ class Likelihood {
     const Shape& shape;
     const Problem& problem;
     std::vector<double> node_log, of_model, responsibility;
+    std::vector<double> amounts, rates;  // of the shared errors at the state, and their derivatives by it
     std::vector<int> spread;   // Design::spread_over of each factor
     double log_outliers = 0;   // log density of all factors as outliers
     int models = 1;            // number of models of their devices

@@ -44,6 +44,7 @@ struct Problem {
     std::vector<FreeRay> rays;
     std::vector<double> ray_shifts, ray_turns;  // (m, 3, D)
     int shared = 0;                             // D
+    std::vector<char> one_sided;                // whether each shared error acts on one side only; empty: none does
     double scale_sd = 0;                        // of the log of the noise scale; 0: the noise is as stated
     std::vector<double> rates, rate_weights;    // quadrature of the outlier rate
     double mean_rate = 0.02;

@@ -3,6 +3,7 @@
 #include "factors/normal_poses.hpp"
 #include "solve/likelihood.hpp"
 #include "solve/maximize.hpp"
+#include "solve/one_sided.hpp"
 #include "parallel.hpp"
 
 #include <cmath>
@@ -20,10 +21,17 @@ constexpr int MARGINAL_STEPS = 4;     // number of Newton steps from the values 
 constexpr double QUADRATIC = 0.03;     // gain predicted by a step over which the log density is quadratic, to 0.005
 constexpr double ROUGHLY = 0.1;       // gain at which the maximization of a level other than the last ends
 
-State stepped(const State& state, const double* step, const Vec3& centre) {
+void move_errors(const Problem& problem, std::vector<double>& z, const double* step, double share) {
+    for (size_t k = 0; k < z.size(); ++k) {
+        const bool one_sided = k < problem.one_sided.size() && problem.one_sided[k];
+        z[k] = one_sided ? stepped_amount(z[k], share * step[k]) : z[k] + share * step[k];
+    }
+}
+
+State stepped(const Problem& problem, const State& state, const double* step, const Vec3& centre) {
     State next = state;
     next.pose = moved(state.pose, load(step), load(step + 3), centre);
-    for (size_t k = 0; k < next.z.size(); ++k) next.z[k] += step[6 + k];
+    move_errors(problem, next.z, step + 6, 1);
     return next;
 }
 
@@ -231,7 +239,7 @@ void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, 
     maximize(at, steps, rule, damped, [&](double* step, double predicted, const double*) {
         if (predicted < enough) return Attempt::LAST;
         shorten(step, problem.size(), LARGEST_TURN, 0.25 * shape.diagonal);
-        State next = stepped(maximum.state, step, shape.centre);
+        State next = stepped(problem, maximum.state, step, shape.centre);
         linearize(likelihood, next, 0, there);
         const double gain = there.value - at.value + (scaled ? at.scale_slope * (next.z.back() - maximum.state.z.back()) : 0);
         if (!(gain > 0)) return Attempt::REJECTED;
@@ -307,14 +315,14 @@ double marginal(Likelihood& likelihood, const Problem& problem, State& state) {
         log_det = 0;
         for (int i = 0; i < D; ++i) log_det += 2 * std::log(L[i * D + i]);
         if (predicted < QUADRATIC) {
-            for (int i = 0; i < D; ++i) state.z[i] += step[i];
+            move_errors(problem, state.z, step, 1);
             gain = 0.5 * predicted;
             return Attempt::LAST;
         }
         double share = 1;
         for (int tries = 0; tries < 4; ++tries, share *= 0.3) {
             State next = state;
-            for (int i = 0; i < D; ++i) next.z[i] += share * step[i];
+            move_errors(problem, next.z, step, share);
             linearize(likelihood, next, 6, there);
             if (there.value < at.value) continue;
             std::swap(state, next);

@@ -20,6 +20,7 @@ from tanteo.posterior.sampling.peaks import Objective, Peaks
 from tanteo.posterior.sampling.widths import narrowed, roots
 from tanteo.posterior.settings import POSE_DOF, SampleSettings
 from tanteo.posterior.truncated_normal import truncate_by_box
+from tanteo.sensors.error_states import stepped_amounts
 
 _COMPARABLE = 30.0
 """Numerical: log of the ratio of two masses beyond which the smaller is lost by rounding, 1e-13."""
@@ -187,7 +188,10 @@ class Sampler:
         They follow the pose by linear regression. The noise scale is that of the squared residuals there, which grow
         with the squared distance from the maximum.
         """
-        zs = np.asarray(self.peaks.zs[owners] + np.einsum("nij,nj->ni", self._slopes[owners], x))
+        from_peaks, steps = self.peaks.zs[owners], np.einsum("nij,nj->ni", self._slopes[owners], x)
+        zs = np.asarray(from_peaks + steps)
+        if (amounts := np.flatnonzero(self.objective.problem.points.one_sided)).size:
+            zs[:, amounts] = stepped_amounts(from_peaks[:, amounts], steps[:, amounts])
         if (sd := self.objective.problem.scale_sd) > 0:
             full = self.peaks.information
             squares = np.einsum("ni,nij,nj->n", x, self.objective.of_pose(full)[owners], x) - POSE_DOF
