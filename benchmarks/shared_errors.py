@@ -110,10 +110,9 @@ def warp(p, d, groups, rng):
     return sagitta[:, None] * axes[2] * rng.choice([-1, 1])
 
 
-def stock(p, d, groups, rng):
-    """Return up to 3 mm of material on each face, by its approach direction."""
-    faces = np.unique(np.round(d, 1), axis=0, return_inverse=True)[1].ravel()
-    return -rng.uniform(0, 3e-3, faces.max() + 1)[faces][:, None] * d
+def stock(p, d, faces, rng):
+    """Return up to 3 mm of material on each face of the part."""
+    return -rng.uniform(0, 3e-3, max(faces) + 1)[faces][:, None] * d
 
 
 KINDS = {
@@ -134,8 +133,9 @@ def run_one(kind, seed, k, stated):
     one = target(PARTS[k % len(PARTS)])
     T = box_centred_pose(rng, 0.3)
     p, d = beams(one, READINGS, rng, tilt=0.02)
+    faces = one.part.triangle_face[one.surface.closest(p).triangles].tolist()
     p, d, groups = SE3.apply(T, p), d @ T[:3, :3].T, _groups(READINGS)
-    points = p + displaced(p, d, groups, rng) + SD * rng.normal(size=p.shape)
+    points = p + displaced(p, d, faces if kind == "stock" else groups, rng) + SD * rng.normal(size=p.shape)
     readings = tanteo.Readings.from_columns(points=points, directions=d, groups=groups, sds=np.full(len(p), SD))
     answer = tanteo.locate(
         readings, one, shared_errors=errors if stated else (), conventions=False, seed=k,

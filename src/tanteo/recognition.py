@@ -37,7 +37,7 @@ from tanteo.sensors import (
     unstated_sd,
 )
 from tanteo.sensors.anomalies import without_repeats
-from tanteo.sensors.error_states import ErrorState, Offset, made_surface
+from tanteo.sensors.error_states import ErrorState, Offset, made_surface, on_faces
 from tanteo.sensors.presets import RobotPreset, SensorPreset, sensor_outlier_rate
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
@@ -149,11 +149,10 @@ def identify(
     placed = priors is not None and priors.pose is not None
     first_tip, (of_surface, own_sd) = tip_sd, made_surface(tolerance)
 
-    def measured_with(tip_sd: npt.ArrayLike | None, of_surface: Sequence[ErrorState]) -> PointMeasurements:
+    def measured_with(tip_sd: npt.ArrayLike | None, errors: Sequence[ErrorState]) -> PointMeasurements:
         return measure(
-            readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig,
-            shared_errors=(*shared_errors, *of_surface),
-        )  # fmt: skip
+            readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig, shared_errors=errors
+        )
 
     def answer_of(measured: PointMeasurements) -> tuple[Answer, FreeRays]:
         points = as_contact_points(measured, own_sd, readings.ranges.take(measured.rows))
@@ -166,7 +165,7 @@ def identify(
 
     for wider in (False, True):
         tip_sd = np.full(3, WIDE_TIP_SD) if wider else first_tip
-        measured = measured_with(tip_sd, () if as_published else of_surface)
+        measured = measured_with(tip_sd, (*shared_errors, *(() if as_published else of_surface)))
         if as_published:
             from tanteo.paper import identify_labelled_as_published
 
@@ -181,10 +180,11 @@ def identify(
         tip = _tip_estimate(answer, measured, WIDE_TIP_SD if wider else TIP_SD)
         if answer.status != "unknown" and not _is_contradicted(tip):
             break
-    if of_surface and answer.best is not None:  # its pose distinguishes faces of one plane
+    errors = (*shared_errors, *of_surface)
+    if any(one.by_face for one in errors) and answer.best is not None:  # its pose distinguishes faces of one plane
         part = prepare(part_named(parts, answer.best.part))
         faces = part.faces_of_readings(measured, len(readings), answer.best.T_world_part)
-        apart = measured_with(tip_sd, made_surface(tolerance, faces)[0])
+        apart = measured_with(tip_sd, on_faces(errors, faces))
         if apart.stacked()[0].shape != measured.stacked()[0].shape:
             measured = apart
             answer, rays = answer_of(measured)

@@ -41,11 +41,15 @@ GRAZING, CLEARLY, BACK_FACE, BLOCKED, IN_FRONT = 0.02, 0.1, 1e-6, 2e-22, 4.0
 
 
 def one_sided(z):
-    """Return amounts on one side with mean 0 and variance 1: even from none to a half, normal above."""
-    x, w = np.polynomial.hermite_e.hermegauss(200)
-    h = lambda z: np.where(z < 0, norm.cdf(z), 0.5 + z / np.sqrt(2 * np.pi))  # noqa: E731
-    mean = w @ h(x) / w.sum()
-    return (h(z) - mean) / np.sqrt(w @ (h(x) - mean) ** 2 / w.sum())
+    """Return amounts on one side with mean 0 and variance 1: even from none to 0.84, normal above."""
+
+    def h(z):
+        return np.where(z < 1, norm.cdf(z), norm.cdf(1) + norm.pdf(1) * (z - 1))
+
+    x = np.linspace(-9, 9, 20_001)
+    w = norm.pdf(x) / norm.pdf(x).sum()
+    mean = w @ h(x)
+    return (h(z) - mean) / np.sqrt(w @ (h(x) - mean) ** 2)
 
 
 class Oracle:

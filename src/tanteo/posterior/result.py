@@ -79,7 +79,10 @@ def _joint_misfit(one: GoodnessOfFit, pose: PosePrior | None) -> Misfit:
 def _misfit_at(one: GoodnessOfFit, pose: PosePrior | None, T: Transforms) -> Misfit:
     part, z = one.mode.prepared.part, one.mode.z
     known, known_rows = (of[0] for of in prior_rows(pose, part, T[None]))
-    errors = z[: one.mode.objective.problem.points.shared_jacobian.shape[2]]
+    points = one.mode.objective.problem.points
+    errors = np.array(z[: points.shared_jacobian.shape[2]])
+    sides = np.flatnonzero(points.one_sided)
+    errors[sides] = np.maximum(errors[sides], 0.0)  # no amount is too little
     named = pose is not None and pose.T_world_part is not None  # a prior pose fixes turns of the symmetry, too
     more = len(known) + len(one.free) - (len(symmetry_motions(part)) if named else 0)
     rest = float(np.sum(errors**2) + np.sum(known**2))

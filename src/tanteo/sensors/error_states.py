@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import ClassVar
 
@@ -31,9 +31,12 @@ MOST_STATES = 504
 """Largest number of states of all shared errors. The core has 512 unknowns, of which 7 are the pose and the noise."""
 
 
-ONE_SIDED = 0.5341549430918953, 0.3465221177284412
-"""Definition: mean and standard deviation of an amount on one side over its scale, 3/8 + 1/(2 pi) and the root of
-1/24 + 1/8 + 1/(2 pi) + 1/(4 pi) less the square of the mean; equal numbers are in ``_core/solve/one_sided.hpp``."""
+ONE_SIDED = 0.5075741599817282, 0.3025337999776922
+"""Definition: mean and standard deviation of an amount on one side over its scale, see :func:`one_sided`; equal numbers
+are in ``_core/solve/one_sided.hpp``."""
+
+_KNEE, _AT_KNEE, _RATE_AT_KNEE = 1.0, 0.8413447460685429, 0.24197072451914337
+"""Definition: variable from which an amount is linear, and normal distribution function and density there."""
 
 
 _LEAST_AMOUNT = 1e-6
@@ -43,15 +46,16 @@ _LEAST_AMOUNT = 1e-6
 def one_sided(z: FloatArray) -> FloatArray:
     """Return standardized amounts on one side from standard normal variables.
 
-    The amount over its scale is the normal distribution function up to a half, and its tangent above: even from none
-    to a half, normal above.
+    The amount over its scale is the normal distribution function up to one, and its tangent above: even from none to
+    0.84, normal above. One scale is exceeded with a probability of 0.05.
 
     Args:
         z: standard normal variables.
     """
     from scipy.special import ndtr  # slow to import
 
-    amounts = np.where(z < 0, ndtr(np.minimum(z, 0.0)), 0.5 + np.maximum(z, 0.0) / math.sqrt(2 * math.pi))
+    below = np.minimum(z, _KNEE)
+    amounts = ndtr(below) + _RATE_AT_KNEE * (z - below)
     return np.asarray((amounts - ONE_SIDED[0]) / ONE_SIDED[1])
 
 
@@ -64,12 +68,12 @@ def stepped_amounts(z: FloatArray, step: FloatArray) -> FloatArray:
     """
     from scipy.special import ndtr, ndtri  # slow to import
 
-    below = np.minimum(z, 0.0)
+    below = np.minimum(z, _KNEE)
     rate = np.exp(-0.5 * below**2) / math.sqrt(2 * math.pi)
-    amounts = np.where(z < 0, ndtr(below), 0.5 + (z - below) / math.sqrt(2 * math.pi)) + rate * step
-    lower = ndtri(np.clip(amounts, _LEAST_AMOUNT, 0.5))
-    upper = (amounts - 0.5) * math.sqrt(2 * math.pi)
-    return np.asarray(np.where(amounts < _LEAST_AMOUNT, z + step, np.where(amounts < 0.5, lower, upper)))
+    amounts = ndtr(below) + _RATE_AT_KNEE * (z - below) + rate * step
+    lower = ndtri(np.clip(amounts, _LEAST_AMOUNT, _AT_KNEE))
+    upper = _KNEE + (amounts - _AT_KNEE) / _RATE_AT_KNEE
+    return np.asarray(np.where(amounts < _LEAST_AMOUNT, z + step, np.where(amounts < _AT_KNEE, lower, upper)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,6 +147,8 @@ class ErrorState(ABC):
     """Standard deviation of each state about its mean, over ``sd``."""
     one_sided: ClassVar[bool] = False
     """Whether each state is an amount from none on, see :func:`one_sided`."""
+    by_face: ClassVar[bool] = False
+    """Whether each face of the part has a state; the class has an attribute ``faces`` then."""
 
     def __post_init__(self) -> None:
         check_number(self.name, self.sd, self.unit)
@@ -456,19 +462,22 @@ class Fan(ErrorState):
 class Stock(ErrorState):
     """Material left on the CAD surface [m]: each face has its own amount, from none to about the stated one and more.
 
-    The prior of each amount is even from none to half of the stated amount, and normal above: more than the stated
-    amount has a probability of 0.1, less than none has no probability. :func:`faces_of` groups the readings by face.
+    The prior of each amount is even from none to 0.84 of the stated amount, and normal above: more than the stated
+    amount has a probability of 0.05, less than none has none. :func:`faces_of` groups the readings by face.
 
     Attributes:
         uniform: whether all faces have the same amount.
+        faces: index of the face of each reading in an assumed pose, as in :class:`FaceOffset`; empty for no pose.
     """
 
     uniform: bool = False
+    faces: tuple[int, ...] = ()
     name: ClassVar[str] = "stock"
     along_aim: ClassVar[bool] = True
     center: ClassVar[float] = ONE_SIDED[0]
     spread: ClassVar[float] = ONE_SIDED[1]
     one_sided: ClassVar[bool] = True
+    by_face: ClassVar[bool] = True
 
     def columns(self, sensed: Sensed) -> Columns:
         """Return the approach directions of each face.
@@ -479,7 +488,7 @@ class Stock(ErrorState):
         aims = sensed.aimed()
         if self.uniform:
             return Columns(aims[:, :, None], ("stock",))
-        return _columns_of_faces(aims, *faces_of(sensed, self.sd), "stock")
+        return _columns_of_faces(aims, *_divided(*faces_of(sensed, 0.0), self.faces, sensed.labels), "stock")
 
 
 @dataclass(frozen=True, slots=True)
@@ -498,6 +507,7 @@ class FaceOffset(ErrorState):
 
     faces: tuple[int, ...] = ()
     name: ClassVar[str] = "face offset"
+    by_face: ClassVar[bool] = True
 
     def columns(self, sensed: Sensed) -> Columns:
         """Return the approach directions of each face, and the field at readings without one.
@@ -519,6 +529,16 @@ class FaceOffset(ErrorState):
 WITHIN_FACE = 1 / 3
 """Standard deviation of a surface within one face, over that of the face as a whole: ISO 2768 pairs each class of sizes
 with flatness of a third of it (63 to 100 mm: class f, 0.3 mm, with H, 0.1 mm; class m, 0.6 mm, with K, 0.2 mm)."""
+
+
+def on_faces(errors: Sequence[ErrorState], faces: tuple[int, ...]) -> tuple[ErrorState, ...]:
+    """Return errors whose states by face are divided by the faces of the part in an assumed pose.
+
+    Args:
+        errors: the errors.
+        faces: index of the face of each reading, -1 if unknown.
+    """
+    return tuple(replace(one, faces=faces) if one.by_face else one for one in errors)  # type: ignore[call-arg]
 
 
 def made_surface(sd: float, faces: tuple[int, ...] = ()) -> tuple[tuple[ErrorState, ...], float]:
@@ -559,7 +579,7 @@ def faces_of(sensed: Sensed, sd: float) -> tuple[IntArray, Vectors]:
 
     Args:
         sensed: the readings.
-        sd: standard deviation of the offset of a face [m].
+        sd: standard deviation of the offset of a face [m], which varies by :data:`WITHIN_FACE` of it within the face.
     """
     aims, numbers, faces = sensed.aimed(), np.full(len(sensed.points), -1), list[_Face]()
     own = np.sqrt((WITHIN_FACE * sd) ** 2 + sensed.sds**2)
