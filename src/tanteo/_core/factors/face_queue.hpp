@@ -20,6 +20,8 @@ class FaceQueue {
   public:
     struct Block {  // of one factor
         size_t first_face = 0, faces = 0, first_cluster = 0, clusters = 0;
+        double weight = 0, pending = 0;               // of the counted faces and clusters; most of faces without a mass
+        size_t counted = 0, bounded = 0, summed = 0;  // faces with a mass, faces in `pending`, clusters that count
     };
     MassQueue masses;
     std::vector<Component> clusters;  // facet clusters, which have no outline
@@ -45,6 +47,23 @@ class FaceQueue {
         return faces[filled];
     }
     void keep() { ++filled; }
+    // Whether the faces and clusters of the last factor have a density of at least `least`. Each face is counted once.
+    bool exceeds(double least) {
+        Block& own = blocks.back();
+        for (; own.summed < clusters.size() - own.first_cluster; ++own.summed)
+            own.weight += clusters[own.first_cluster + own.summed].weight;
+        if (least <= own.weight) return true;
+        const size_t all = count() - own.first_face;
+        for (; own.bounded < all; ++own.bounded) {  // a mass is at most one
+            const PendingFace& one = faces[own.first_face + own.bounded];
+            own.pending += one.component.weight * masses.density(one.mass);
+        }
+        if (own.counted == all || !(least <= own.weight + own.pending)) return false;
+        masses.run();
+        for (; own.counted < all; ++own.counted) own.weight += weight_of(faces[own.first_face + own.counted]);
+        own.pending = 0;
+        return least <= own.weight;
+    }
     double weight_of(const PendingFace& face) const {  // after masses.run()
         return face.component.weight * masses.exponential(face.mass) * masses.mass(face.mass).value;
     }

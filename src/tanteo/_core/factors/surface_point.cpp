@@ -286,16 +286,8 @@ bool SurfacePoint::add_facet_cluster(const Placement& at, const Extent& extent, 
 
 // Whether the density of a large facet cluster is so small that its error is negligible beside what the factor has so far.
 bool SurfacePoint::is_minor(double weight, double size, FaceQueue& queue) const {
-    const FaceQueue::Block& block = queue.blocks.back();
-    const double times = size * size / (SMALL * SMALL), least = weight * times * times;
-    double so_far = 0;
-    for (size_t k = block.first_cluster; k < queue.clusters.size(); ++k) so_far += queue.clusters[k].weight;
-    if (least <= so_far) return true;
-    if (block.first_face == queue.count()) return false;
-    queue.masses.run();
-    for (size_t k = block.first_face; k < queue.count() && least > so_far; ++k)
-        so_far += queue.weight_of(queue.face(k));
-    return least <= so_far;
+    const double times = size * size / (SMALL * SMALL);
+    return queue.exceeds(weight * times * times);
 }
 
 // A ball that touches one element must not overlap another face in front of it: multiplies by the mass of the noise along

@@ -40,6 +40,11 @@ class MassQueue {
     void run();  // only what was added after the last run
     TruncatedMass mass(int number) const;
     double exponential(int number) const { return exponents[number]; }
+    // the same before run(), too
+    double density(int number) const {
+        const double known = exponents[number];
+        return static_cast<size_t>(number) < exponents_done ? known : fast_exp(known);
+    }
 
     // Adds an edge in the whitened plane: its direction, the signed distance of its line, its ends along the line.
     void add_edge(double dx, double dy, double h, double t1, double t2, bool inside);
