@@ -254,6 +254,9 @@ bool SurfacePoint::add_facet_cluster(const Placement& at, const Extent& extent, 
     Mat3 S = at.C;
     for (int i = 0; i < 9; ++i) S.m[i] += place.spread.m[i];
     const Vec3 off = at.p - place.middle - radius * n, Sn = S * n;
+    // a large cluster is accurate only if it is negligible, which it is not near its middle
+    const double least_squares = extent.least * extent.least;
+    if (size > SMALL && squared(off) < least_squares * 8 * std::log(size / SMALL)) return false;
     double L[9];
     std::memcpy(L, S.m, sizeof L);
     if (!cholesky(L, 3)) return false;

@@ -28,12 +28,15 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
     """
     total = float(log_sum([log_none, *(float(log_sum(s.peaks.evidence)) + s.log_constant for s in samplers)]))
     fixed = any(s.fixes_pose for s in samplers)
-    wants = [_first(s, s.peaks.evidence + s.log_constant - total, shaped=fixed) for s in samplers]
+    logs = [s.peaks.evidence + s.log_constant - total for s in samplers]
+    wants = _first(samplers, logs, shaped=fixed)
     rounds = 0 if not samplers else samplers[0].settings.rounds if fixed else samplers[0].settings.few_rounds
     count = 0
     for k in itertools.count():
         for sampler, want in zip(samplers, wants, strict=True):
             sampler.sample(want)
+        if k == 0:
+            _sample_more(samplers, logs, wants, shaped=fixed)
         before, count = count, sum(len(s.peaks) for s in samplers)
         if k >= rounds or (k == rounds - 1 and count == before):  # sample new maxima once
             break
@@ -79,16 +82,49 @@ def _needs_of_probability(
     return [scale * a for a in weights], float(np.sqrt(variance))
 
 
-def _first(sampler: Sampler, log_p: FloatArray, *, shaped: bool) -> IntArray:
+def _first(samplers: Sequence[Sampler], logs: Sequence[FloatArray], *, shaped: bool) -> list[IntArray]:
     """Return the samples to draw first of each maximum, by its probability from its curvature.
 
-    The best maximum always gets some. A ridge can have a hundred times the mass that its curvature suggests. Without
-    ``shaped`` no maximum gets enough samples to show the shape of its region.
+    The best maximum of each part always gets a few, and so do those that may be better by the error of their curvature.
+    Without ``shaped`` no maximum gets enough samples to show the shape of its region.
+
+    Args:
+        samplers: samplers of the parts.
+        logs: log probabilities of the maxima of each part.
+        shaped: whether the shape of the modes is needed.
     """
-    own = sampler.settings
-    log_p = log_p - min(log_p.max(), 0.0) if log_p.max() < -own.full_gap else log_p
-    few = 2 * POSE_DOF
-    return np.where(log_p > -own.full_gap, own.first if shaped else few, np.where(log_p > -own.few_gap, few, 0))
+    few, tops, out = 2 * POSE_DOF, [float(log_p.max()) for log_p in logs], []
+    for sampler, log_p, top in zip(samplers, logs, tops, strict=True):
+        own = sampler.settings
+        gaps = log_p - top if top == max(tops) and top < -own.full_gap else log_p
+        want = np.where(gaps > -own.full_gap, own.first if shaped else few, np.where(gaps > -own.few_gap, few, 0))
+        near = log_p > top - sampler.objective.problem.settings.search.curvature_error
+        out.append(np.where(near, np.maximum(want, few), want))
+    return out
+
+
+def _sample_more(
+    samplers: Sequence[Sampler], logs: Sequence[FloatArray], drawn: Sequence[IntArray], *, shaped: bool
+) -> None:
+    """Sample further maxima of parts whose samples show more mass than the curvature of their maxima.
+
+    A ridge can have a hundred times the mass that its curvature suggests. The ratio is that of the maxima that were
+    sampled, and is assumed of the others.
+
+    Args:
+        samplers: samplers of the parts.
+        logs: log probabilities of the maxima of each part by their curvature.
+        drawn: number of samples drawn of each.
+        shaped: whether the shape of the modes is needed.
+    """
+    found = []
+    for sampler, log_p, count in zip(samplers, logs, drawn, strict=True):
+        sampled = float(log_sum((sampler.peaks.evidence + sampler.log_constant)[count > 0]))
+        shift = float(log_sum(sampler.masses()[0])) - sampled
+        found.append(log_p + max(shift, 0.0))
+    more = [np.maximum(want - count, 0) for want, count in zip(_first(samplers, found, shaped=shaped), drawn, strict=True)]
+    for sampler, want in zip(samplers, more, strict=True):
+        sampler.sample(want)
 
 
 def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
