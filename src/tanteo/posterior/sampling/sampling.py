@@ -122,7 +122,9 @@ def _sample_more(
         sampled = float(log_sum((sampler.peaks.evidence + sampler.log_constant)[count > 0]))
         shift = float(log_sum(sampler.masses()[0])) - sampled
         found.append(log_p + max(shift, 0.0))
-    more = [np.maximum(want - count, 0) for want, count in zip(_first(samplers, found, shaped=shaped), drawn, strict=True)]
+    more = [
+        np.maximum(want - count, 0) for want, count in zip(_first(samplers, found, shaped=shaped), drawn, strict=True)
+    ]
     for sampler, want in zip(samplers, more, strict=True):
         sampler.sample(want)
 
