@@ -81,6 +81,7 @@ def test_one_reading_measures_the_one_open_direction():
     answer = locate(readings, PART, priors=Priors(pose=PosePrior(frame.T, frame.C)))
     assert answer.status == "recognized"
     assert farthest(T, answer.best.T_world_part) < 1e-4
+    assert answer.best.corner_sd < 1e-4  # that the reading may be an outlier does not multiply it
     wide = parse_pose_prior(f"{x},{y},{z - 15}mm 0,0,{yaw}deg +- 5,5,30mm 3deg")
     assert locate(readings, PART, priors=Priors(pose=PosePrior(wide.T, wide.C))).status == "insufficient"
 

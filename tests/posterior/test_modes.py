@@ -10,7 +10,7 @@ from tanteo.geometry import SE3
 from tanteo.posterior import Priors, Problem, identify_points, part_search, prepare
 from tanteo.posterior.sampling import peaks
 from tanteo.posterior.sampling.control_variate import ControlVariate
-from tanteo.posterior.sampling.modes import beyond_normal, covariance_of_samples
+from tanteo.posterior.sampling.modes import beyond_normal, covariance_of_samples, far_tail
 from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.posterior.settings import Effort
 
@@ -41,6 +41,18 @@ def test_mass_of_a_broad_region_is_right_and_less_noisy():
     sd = off.std(axis=0) / np.sqrt(len(off))
     assert abs(off[:, 0].mean()) < 4 * sd[0] + 0.005  # the factor is fitted to the same samples
     assert off[:, 0].std() < 0.8 * off[:, 1].std()
+
+
+def test_a_far_tail_is_left_out_and_a_normal_density_is_not():
+    rng = np.random.default_rng(6)
+    x = rng.normal(size=(2000, 6))
+    assert not far_tail(x, np.ones(2000)).any()
+    x[:12, 2] = 1000 * rng.normal(size=12)
+    tail = far_tail(x, np.ones(2000))
+    assert tail[:12].sum() >= 11
+    assert tail.sum() <= 50
+    x[:400, 2] = 1000 * rng.normal(size=400)
+    assert not far_tail(x, np.ones(2000)).any()  # a fifth of the probability is no tail
 
 
 def test_a_region_of_another_mass_is_not_normal():
