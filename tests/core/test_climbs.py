@@ -118,31 +118,34 @@ def test_a_half_turn_is_one_of_its_two_vectors():
 
 
 def components(rng, spread):
-    """Two bases, three components of one and one of the other."""
+    """Two bases, three components of one and one of the other, whose narrow directions bend along two others."""
     bases = np.stack([np.eye(4), near_pose(np.eye(4), rng, 0.5 * spread, 0.3)])
     owners = np.array([0, 0, 0, 1], np.int32)
+    bends = np.zeros((2, 6, 6, 6))
+    bends[np.ix_([1], [0, 1, 3, 4], [2, 5], [2, 5])] = rng.normal(size=(1, 4, 2, 2))
     means = spread * rng.normal(size=(4, 6)) * 0.3
     A = spread * rng.normal(size=(4, 6, 6)) * 0.3
     covs = A @ np.swapaxes(A, 1, 2) + (0.3 * spread) ** 2 * np.eye(6)
-    return bases, owners, means, covs, np.log(rng.dirichlet(np.ones(4)))
+    return bases, bends, owners, means, covs, np.log(rng.dirichlet(np.ones(4)))
 
 
-def mixed(Ts, bases, owners, means, covs, log_weights, freedom, centre):
+def mixed(Ts, bases, bends, owners, means, covs, log_weights, freedom, centre):
     L = np.linalg.cholesky(covs)
     log = log_weights - np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
-    return _core.mixture(np.ascontiguousarray(Ts), bases, owners, means, np.linalg.inv(L), log, freedom, centre)
+    return _core.mixture(np.ascontiguousarray(Ts), bases, bends, owners, means, np.linalg.inv(L), log, freedom, centre)
 
 
 def test_the_mixture_is_one_of_student_densities():
     rng, centre = np.random.default_rng(1), np.array([0.02, -0.01, 0.03])
-    bases, owners, means, covs, log_w = components(rng, 0.4)
+    bases, bends, owners, means, covs, log_w = components(rng, 0.4)
     Ts = np.stack([near_pose(np.eye(4), rng, 0.3, 0.4) for _ in range(50)])
-    logs, shares = mixed(Ts, bases, owners, means, covs, log_w, 4.0, centre)
+    logs, shares = mixed(Ts, bases, bends, owners, means, covs, log_w, 4.0, centre)
     expected = np.zeros((50, 2))
     for k, owner in enumerate(owners):
         x = _core.offsets(bases[owner], Ts, centre)
         angle = np.linalg.norm(x[:, 3:], axis=1)
         tangent = angle**2 / (2 * (1 - np.cos(angle)))
+        x -= np.einsum("ijk,nj,nk->ni", bends[owner], x, x)
         expected[:, owner] += np.exp(log_w[k]) * multivariate_t(means[k], covs[k], df=4).pdf(x) * tangent
     assert logs == pytest.approx(np.log(expected.sum(axis=1)), abs=1e-9)
     assert shares == pytest.approx(expected / expected.sum(axis=1, keepdims=True), abs=1e-9)

@@ -245,6 +245,7 @@ def test_searches_that_keep_nothing_are_refused():
 def test_a_mixture_without_components_is_no_density():
     none = (
         np.zeros((0, 4, 4)),
+        np.zeros((0, 6, 6, 6)),
         np.zeros(0, np.int32),
         np.zeros((0, 6)),
         np.zeros((0, 6, 6)),

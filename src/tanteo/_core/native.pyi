@@ -159,6 +159,7 @@ def offsets(base: FloatArray, poses: FloatArray, centre: FloatArray) -> FloatArr
 def mixture(
     poses: FloatArray,
     bases: FloatArray,
+    bends: FloatArray,
     owners: AnyInts,
     means: FloatArray,
     inverses: FloatArray,

@@ -458,10 +458,18 @@ Out offsets(Doubles T, Doubles Ts, Doubles centre) {
     return array_of(std::move(out), {all.size(), 6});
 }
 
-std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Ints owners, Doubles means, Doubles inverses, Doubles log_weights,
-                             double freedom, Doubles centre) {
-    const std::vector<Pose> all = poses(Ts), base = poses(bases, "bases");
-    const size_t C = owners.size(), m = base.size();
+std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Doubles bends, Ints owners, Doubles means, Doubles inverses,
+                             Doubles log_weights, double freedom, Doubles centre) {
+    const std::vector<Pose> all = poses(Ts), at = poses(bases, "bases");
+    const size_t C = owners.size(), m = at.size();
+    expect(bends, "bends", {m, 6, 6, 6});
+    std::vector<MixtureBase> base(m);
+    for (size_t k = 0; k < m; ++k) {
+        const double* bend = bends.data() + 216 * k;
+        base[k].pose = at[k];
+        base[k].straight = std::all_of(bend, bend + 216, [](double b) { return b == 0; });
+        std::copy_n(bend, 216, base[k].bend);
+    }
     const std::vector<int> owner = expect(owners, "owners", C, 0, int64_t(m) - 1);
     expect(means, "means", {C, 6});
     expect(inverses, "inverses", {C, 6, 6});
@@ -480,7 +488,7 @@ std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Ints owners, Doubles mea
     std::vector<double> logs(all.size()), shares(all.size() * m);
     {
         nb::gil_scoped_release release;
-        const Mixture mix(base, std::move(components), freedom, middle);
+        const Mixture mix(std::move(base), std::move(components), freedom, middle);
         for (size_t k = 0; k < all.size(); ++k) logs[k] = mix.log_density(all[k], shares.data() + k * m);
     }
     return {list_of(std::move(logs)), array_of(std::move(shares), {all.size(), m})};
@@ -613,7 +621,7 @@ NB_MODULE(native, m) {
     m.def("marginals", &marginals, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("place", &placed, "poses"_a, "offsets"_a, "centre"_a);
     m.def("offsets", &offsets, "base"_a, "poses"_a, "centre"_a);
-    m.def("mixture", &mixture, "poses"_a, "bases"_a, "owners"_a, "means"_a, "inverses"_a, "log_weights"_a, "freedom"_a,
+    m.def("mixture", &mixture, "poses"_a, "bases"_a, "bends"_a, "owners"_a, "means"_a, "inverses"_a, "log_weights"_a, "freedom"_a,
           "centre"_a);
     m.def("distinct", &distinct, "poses"_a, "informations"_a, "limit"_a, "most"_a, "centre"_a);
     m.def("closest_points", &closest_points, "shape"_a, "points"_a);

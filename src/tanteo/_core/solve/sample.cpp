@@ -8,7 +8,7 @@ namespace tanteo {
 
 constexpr double FAR = 25;  // standard deviations beyond which a component is negligible
 
-Mixture::Mixture(std::vector<Pose> bases_, std::vector<MixtureComponent> components_, double freedom_, const Vec3& centre_)
+Mixture::Mixture(std::vector<MixtureBase> bases_, std::vector<MixtureComponent> components_, double freedom_, const Vec3& centre_)
     : bases(std::move(bases_)), components(std::move(components_)), freedom(freedom_), centre(centre_) {
     const double log = std::lgamma(0.5 * (freedom + 6)) - std::lgamma(0.5 * freedom) - 3 * std::log(freedom * PI);
     reach_shift.assign(bases.size(), 0.0);
@@ -39,18 +39,25 @@ double Mixture::log_density(const Pose& pose, double* shares) const {
         const MixtureComponent& c = components[k];
         if (c.owner != last) {
             last = c.owner;
-            const Pose& base = bases[c.owner];
+            const auto& [base, straight, bend] = bases[c.owner];
             double turn = 0;  // 8 sin^2(angle / 2)
             for (int i = 0; i < 9; ++i) turn += (pose.R.m[i] - base.R.m[i]) * (pose.R.m[i] - base.R.m[i]);
             const Vec3 shift = (pose.R * centre + pose.t) - (base.R * centre + base.t);
             skip = squared(shift) > reach_shift[c.owner] || turn > 2 * reach_turn[c.owner];
             if (skip) continue;
             Vec3 v, w;
-            difference(bases[c.owner], pose, centre, v, w);
+            difference(base, pose, centre, v, w);
             store(v, from_base);
             store(w, from_base + 3);
             const double angle = norm(w);  // density of turns in the tangent space relative to the invariant measure
             jacobian = angle < 1e-3 ? 1 : angle * angle / std::max(2 * (1 - std::cos(angle)), 1e-12);
+            if (!straight) {
+                double off[6] = {0};
+                for (int i = 0; i < 6; ++i)
+                    for (int a = 0; a < 6; ++a)
+                        for (int b = 0; b < 6; ++b) off[i] += bend[36 * i + 6 * a + b] * from_base[a] * from_base[b];
+                for (int i = 0; i < 6; ++i) from_base[i] -= off[i];
+            }
         }
         if (skip) continue;
         double q = 0;

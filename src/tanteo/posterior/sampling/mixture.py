@@ -41,13 +41,14 @@ class Mixture:
             counts[owner] += count
         return counts
 
-    def log_density(self, bases: Transforms, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
+    def log_density(self, bases: Transforms, bends: FloatArray, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
         """Return the log density of the mixture at poses ``(N,)``, and the fraction of each maximum in it ``(N, m)``.
 
         Symmetric poses are equal: a pose may have been drawn as any of its images.
 
         Args:
             bases: poses of the maxima ``(m, 4, 4)``.
+            bends: bends of the ridges at the maxima ``(m, 6, 6, 6)``.
             Ts: poses at which the density is evaluated ``(N, 4, 4)``.
         """
         components = sorted(self._components, key=lambda c: c[0])
@@ -56,7 +57,16 @@ class Mixture:
         L = roots(np.array([c[2] for c in components]))
         inverse = np.ascontiguousarray(np.linalg.inv(L))
         log_w = np.log(counts) - np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
-        args = np.ascontiguousarray(bases), owners, means, inverse, log_w, self.freedom, self.centre
+        args = (
+            np.ascontiguousarray(bases),
+            np.ascontiguousarray(bends),
+            owners,
+            means,
+            inverse,
+            log_w,
+            self.freedom,
+            self.centre,
+        )
         log_q, shares = _core.mixture(Ts, *args)
         for turn in self.images:
             other, of_other = _core.mixture(np.ascontiguousarray(Ts @ turn), *args)

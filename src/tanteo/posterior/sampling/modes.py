@@ -137,8 +137,7 @@ def _in_one_valley(sampler: Sampler, rows: IntArray, together: np.ndarray) -> np
 
 def _inside(sampler: Sampler) -> np.ndarray:
     """Return whether the inner half of the normal region of one maximum reaches to another ``(m, m)``."""
-    centre, peaks = sampler.objective.prepared.shape.centre, sampler.peaks
-    x = np.stack([_core.offsets(T, peaks.Ts, centre) for T in peaks.Ts]) - sampler.means[:, None]
+    x = np.stack([sampler.offsets(k, sampler.peaks.Ts) for k in range(len(sampler.peaks))]) - sampler.means[:, None]
     z = x @ np.swapaxes(np.linalg.inv(roots(sampler.covariances)), 1, 2)
     return np.asarray(np.sum(z * z, axis=-1) < chi2_quantile(0.5, POSE_DOF))
 

@@ -3,6 +3,10 @@
 Each maximum has Student-t components (Owen and Zhou 2000; Cornuet et al. 2012, deterministic mixture weights). The
 weight of a sample is relative to the mixture of all components ever used. So overlapping modes share their samples and
 nothing is counted twice. Shared errors and the noise scale are integrated at each pose by Laplace's method.
+
+Few measurements leave ridges that are bent: a turn about one touched point moves the others along circles. Components
+are therefore Student-t in straight coordinates, ``x - bend(x, x)`` for a motion ``x`` from the maximum. The bend of the
+narrow directions is quadratic in the wide ones, so that volumes are equal.
 """
 
 from __future__ import annotations
@@ -17,7 +21,7 @@ from tanteo.posterior.sampling.control_variate import ControlVariate
 from tanteo.posterior.sampling.density import Density
 from tanteo.posterior.sampling.mixture import Mixture
 from tanteo.posterior.sampling.peaks import Objective, Peaks
-from tanteo.posterior.sampling.widths import narrowed, roots
+from tanteo.posterior.sampling.widths import Axes, narrowed, roots
 from tanteo.posterior.settings import POSE_DOF, SampleSettings
 from tanteo.posterior.truncated_normal import truncate_by_box
 from tanteo.sensors.error_states import stepped_amounts
@@ -51,7 +55,8 @@ class Sampler:
         log_weights: log of the importance weights ``(N,)``.
         log_density: log of the mixture density at the samples ``(N,)``.
         shares: fraction of each maximum in the mixture density at the samples ``(N, m)``.
-        means: means of the components, as motions from their maxima ``(m, 6)`` [m, rad].
+        bends: bends of the ridges at the maxima; zero without a bend ``(m, 6, 6, 6)``.
+        means: means of the components, as straight motions from their maxima ``(m, 6)`` [m, rad].
         covariances: covariances of the components ``(m, 6, 6)`` [m, rad].
         local: whether each component is a piece of a ridge ``(m,)``.
     """
@@ -69,6 +74,7 @@ class Sampler:
     log_weights: FloatArray = field(init=False)
     log_density: FloatArray = field(init=False)
     shares: FloatArray = field(init=False)
+    bends: FloatArray = field(init=False)
     means: FloatArray = field(init=False)
     covariances: Covariances = field(init=False)
     _mixture: Mixture = field(init=False)
@@ -83,6 +89,7 @@ class Sampler:
         self.log_target, self.log_weights, self.log_density = np.zeros(0), np.zeros(0), np.zeros(0)
         self.shares = np.zeros((0, len(peaks)))
         self.means, self.covariances, self._slopes, cut = self._about(peaks)
+        self.bends = np.zeros((len(peaks), 6, 6, 6))
         prepared = self.objective.prepared
         self._mixture = Mixture(prepared.part.symmetry.Ts[1:], prepared.shape.centre, self.settings.freedom)
         self._fitted, self.local = cut | self.trusted, np.zeros(len(peaks), dtype=bool)
@@ -113,6 +120,7 @@ class Sampler:
         self.peaks, self._masses = self.peaks.join(peaks), None
         self.covariances = np.concatenate([self.covariances, covariances])
         self.means = np.concatenate([self.means, means])
+        self.bends = np.concatenate([self.bends, np.zeros((len(peaks), 6, 6, 6))])
         self._slopes = np.concatenate([self._slopes, slopes])
         self.shares = np.pad(self.shares, ((0, 0), (0, len(peaks))))
         self._fitted, self.local = np.concatenate([self._fitted, cut]), np.concatenate([self.local, np.zeros_like(cut)])
@@ -137,20 +145,18 @@ class Sampler:
         self.local[-len(along) :] = True
         self.sample(count * self.local)
 
-    def unexplained(self) -> Transforms:
-        """Return poses of samples whose weight is so large that a component is missing there ``(K, 4, 4)``."""
-        if not np.isfinite(self.log_weights.max()):
-            return self.Ts[:0]
-        w = np.exp(self.log_weights - self.log_weights.max())
+    def unexplained(self) -> IntArray:
+        """Return rows of samples whose weight is so large that a component is missing there ``(K,)``."""
+        w = self.weights(float(self.log_weights.max()))
         rows = np.flatnonzero(w > self.settings.min_fraction * w.sum())
-        return self.Ts[rows[np.argsort(-w[rows])]]
+        return rows[np.argsort(-w[rows])]
 
     def sample(self, counts: IntArray) -> None:
         """Draw further samples from each component ``(m,)``, and recompute all weights."""
         on = np.flatnonzero(counts)
         if not len(on):
             return
-        self._fit_widths(on[~self._fitted[on] & (counts[on] >= self.settings.heaviest)])
+        self._fit_widths(on[~self._fitted[on]], counts)
         owners = np.repeat(on, counts[on])
         L = roots(self.covariances[on])
         for k in on:
@@ -160,38 +166,113 @@ class Sampler:
         x = self.means[owners] + np.einsum("nij,nj->ni", L[np.repeat(np.arange(len(on)), counts[on])], z)
         Ts = self._placed(owners, x)
         log, zs = self.density.at(Ts, self._followed(owners, x))
-        log[np.linalg.norm(x[:, 3:], axis=1) >= np.pi] = -np.inf
+        log[np.linalg.norm(self._bent(owners, x)[:, 3:], axis=1) >= np.pi] = -np.inf
         self.Ts, self.zs = np.concatenate([self.Ts, Ts]), np.concatenate([self.zs, zs])
         self.log_target = np.concatenate([self.log_target, log])
         self._weigh()
 
-    def _fit_widths(self, which: IntArray) -> None:
-        """Narrow first components along axes on which the density falls faster than its curvature implies."""
-        self._fitted[which], own = True, self.objective.problem.settings
+    def _fit_widths(self, which: IntArray, counts: IntArray) -> None:
+        """Narrow components along axes on which the density falls faster than its curvature implies.
+
+        Where a ridge is bent, components that follow the bend are longer, and replace the straight ones. A component
+        without a ridge that gets few samples is not narrowed.
+
+        Args:
+            which: indices of components whose widths are those of the curvature.
+            counts: number of samples to draw from each component ``(m,)``.
+        """
+        own, size = self.objective.problem.settings, self.objective.prepared.part.diagonal
+        unit = np.r_[np.ones(3), np.full(3, 4 / size)]  # turns as shifts of the rim
+        new, axes = self.counts()[which] == 0, Axes.of(self.covariances[which], unit)
+        some = (counts[which] >= self.settings.heaviest) | (new & (axes.widths[:, -1] > self.settings.edge_sd * size))
+        which, new, axes = which[some], new[some], axes.take(some)
         if not len(which):
             return
+        self._fitted[which] = True
 
-        def log_at(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        def log_at(x: FloatArray) -> FloatArray:
+            """Return log densities at the noise scale of the maxima: integrated over it, they have a cusp there."""
             owners, x = np.repeat(which, x.shape[1]), np.ascontiguousarray(x.reshape(-1, 6))
-            return self.density.at(self._placed(owners, x), self._followed(owners, x))
+            zs = np.ascontiguousarray(self._regressed(owners, x))
+            shape = self.objective.prepared.shape
+            return np.asarray(_core.log_densities(shape, self.objective.core, self._placed(owners, x), zs))
 
-        size = np.r_[np.ones(3), np.full(3, 4 / self.objective.prepared.part.diagonal)]  # turns as shifts of the rim
-        self.covariances[which] = narrowed(self.covariances[which], size, log_at, own)
+        straight = narrowed(axes, log_at, own)
+        self.covariances[which] = straight.covariances
+        short = new & (straight.widths < axes.widths).any(axis=1)  # samples so far were drawn without a bend
+        which, axes, straight = which[short], axes.take(short), straight.take(short)
+        if not len(which):
+            return
+        self.bends[which] = self._bends(which, straight, straight.widths < axes.widths)
+        bent = narrowed(axes, log_at, own)
+        longer = np.log(bent.widths).sum(axis=1) > np.log(straight.widths).sum(axis=1)
+        self.covariances[which[longer]], self.bends[which[~longer]] = bent.take(longer).covariances, 0.0
+
+    def _bends(self, which: IntArray, axes: Axes, wide: BoolArray) -> FloatArray:
+        """Return the bends of ridges ``(m, 6, 6, 6)``, from gradients on both sides of the maxima.
+
+        Where the narrow directions of the ridge are at ``b(u)`` for a motion ``u`` along the wide ones, the gradient in
+        them is ``H b(u)``, and ``b(u)`` is even. So the sum of the gradients at ``u`` and ``-u`` is ``2 H b(u)``.
+
+        Args:
+            which: indices of the components.
+            axes: their axes, as wide as the density is high.
+            wide: axes along the ridge ``(m, 6)``.
+        """
+        objective, wide = self.objective, wide & (np.cumsum(wide[:, ::-1], axis=1)[:, ::-1] <= POSE_DOF // 2)
+        steps = axes.scaled  # rows are one width along each axis
+        first, second = np.triu_indices(6)
+        u = np.where((first == second)[:, None], steps[:, first], steps[:, first] + steps[:, second])
+        u = np.stack([u, -u], axis=1).reshape(len(which), -1, 6)
+        owners, x = np.repeat(which, u.shape[1]), np.ascontiguousarray(u.reshape(-1, 6))
+        zs = np.ascontiguousarray(self._regressed(owners, x))
+        slopes = _core.slopes(objective.prepared.shape, objective.core, self._placed(owners, x), zs)[1]
+        full = objective.regular(self.peaks.information[which])
+        gradients = slopes.reshape(len(which), 2, len(first), -1).sum(axis=1)
+        others = np.linalg.solve(full[:, 6:, 6:], np.swapaxes(gradients[..., 6:], 1, 2))
+        gradients = gradients[..., :6] - np.swapaxes(full[:, :6, 6:] @ others, 1, 2)
+        out, H = np.zeros((len(which), 6, 6, 6)), objective.of_pose(self.peaks.information[which])
+        for k in np.flatnonzero(wide.any(axis=1)):
+            narrow = axes.vectors[k][:, ~wide[k]] * axes.size[:, None]
+            off = 0.5 * gradients[k] @ narrow @ np.linalg.inv(narrow.T @ H[k] @ narrow) @ narrow.T
+            form = np.zeros((6, 6, 6))
+            form[first, second] = off
+            own = form[range(6), range(6)]
+            cross = 0.5 * (off - own[first] - own[second])
+            form[first, second] = form[second, first] = np.where((first == second)[:, None], off, cross)
+            form[~wide[k]], form[:, ~wide[k]] = 0.0, 0.0
+            dual = axes.vectors[k] / axes.size[:, None] / axes.widths[k]  # coordinates in widths of a motion
+            out[k] = np.einsum("abi,ja,kb->ijk", form, dual, dual)
+        return out
+
+    def _bent(self, owners: IntArray, x: FloatArray) -> FloatArray:
+        """Return motions from maxima ``(N, 6)`` of straight ones."""
+        return np.asarray(x + np.einsum("nijk,nj,nk->ni", self.bends[owners], x, x))
+
+    def offsets(self, k: int, Ts: Transforms) -> FloatArray:
+        """Return the straight motions from a maximum to poses ``(N, 6)``."""
+        x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(Ts), self.objective.prepared.shape.centre)
+        return np.asarray(x - np.einsum("ijk,nj,nk->ni", self.bends[k], x, x))
 
     def _placed(self, owners: IntArray, x: FloatArray) -> Transforms:
-        """Return poses after motions ``(N, 6)`` from maxima."""
-        return _core.place(np.ascontiguousarray(self.peaks.Ts[owners]), x, self.objective.prepared.shape.centre)
+        """Return poses after straight motions ``(N, 6)`` from maxima."""
+        bent, centre = np.ascontiguousarray(self._bent(owners, x)), self.objective.prepared.shape.centre
+        return _core.place(np.ascontiguousarray(self.peaks.Ts[owners]), bent, centre)
 
-    def _followed(self, owners: IntArray, x: FloatArray) -> FloatArray:
-        """Return the other states after such motions ``(N, D)``, the start values of their integration.
-
-        They follow the pose by linear regression. The noise scale is that of the squared residuals there, which grow
-        with the squared distance from the maximum.
-        """
+    def _regressed(self, owners: IntArray, x: FloatArray) -> FloatArray:
+        """Return the other states after straight motions ``(N, D)`` by linear regression."""
         from_peaks, steps = self.peaks.zs[owners], np.einsum("nij,nj->ni", self._slopes[owners], x)
         zs = np.asarray(from_peaks + steps)
         if (amounts := np.flatnonzero(self.objective.problem.points.one_sided)).size:
             zs[:, amounts] = stepped_amounts(from_peaks[:, amounts], steps[:, amounts])
+        return zs
+
+    def _followed(self, owners: IntArray, x: FloatArray) -> FloatArray:
+        """Return the other states after straight motions ``(N, D)``, the start values of their integration.
+
+        The noise scale is that of the squared residuals there, which grow with the squared distance from the maximum.
+        """
+        zs = self._regressed(owners, x)
         if (sd := self.objective.problem.scale_sd) > 0:
             full = self.peaks.information
             squares = np.einsum("ni,nij,nj->n", x, self.objective.of_pose(full)[owners], x) - POSE_DOF
@@ -200,7 +281,7 @@ class Sampler:
         return zs
 
     def _weigh(self) -> None:
-        log_q, self.shares = self._mixture.log_density(self.peaks.Ts, self.Ts)
+        log_q, self.shares = self._mixture.log_density(self.peaks.Ts, self.bends, self.Ts)
         self.shares[self.shares < _NEGLIGIBLE_SHARE] = 0.0
         ok = np.isfinite(self.log_target) & np.isfinite(log_q)
         self.log_weights = np.where(ok, self.log_target - np.where(ok, log_q, 0.0), -np.inf)
@@ -214,7 +295,6 @@ class Sampler:
             top: log of the unit of the weights.
         """
         w = self.weights(top)
-        centre = self.objective.prepared.shape.centre
         for k in which:
             rows = np.flatnonzero(self.shares[:, k] > 1e-3)
             own = w[rows] * self.shares[rows, k]
@@ -223,7 +303,7 @@ class Sampler:
             if not total > 0:
                 continue
             own /= total
-            x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(self.Ts[rows]), centre)
+            x = self.offsets(int(k), self.Ts[rows])
             size = 1 / np.sum(own**2)
             trust = size / (size + 2 * POSE_DOF)
             mean = own @ x
@@ -241,7 +321,7 @@ class Sampler:
         """
         mass = float(self.peaks.evidence[k]) + self.log_constant - float(self.log_weights.max())
         few = self.counts()[k] < self.settings.shape  # they do not cover a normal density
-        if few or not abs(mass) < _COMPARABLE:
+        if few or self.bends[k].any() or not abs(mass) < _COMPARABLE:
             return ControlVariate.alone(weights, self.settings)
         H = self.objective.of_pose(self.peaks.information[k][None])[0]
         near = np.flatnonzero(self.shares[:, k])
@@ -286,9 +366,8 @@ class Sampler:
 
     def _squared_gaps(self, k: int, information: FloatArray, rows: IntArray) -> FloatArray:
         """Return squared distances from a maximum to some samples, or to the nearest of their images ``(R,)``."""
-        centre, out = self.objective.prepared.shape.centre, np.full(len(rows), np.inf)
+        out = np.full(len(rows), np.inf)
         for turn in [None, *self._mixture.images]:
-            Ts = self.Ts[rows] if turn is None else np.ascontiguousarray(self.Ts[rows] @ turn)
-            x = _core.offsets(self.peaks.Ts[k], Ts, centre)
+            x = self.offsets(k, self.Ts[rows] if turn is None else self.Ts[rows] @ turn)
             out = np.minimum(out, np.sum((x @ information) * x, axis=1))
         return out

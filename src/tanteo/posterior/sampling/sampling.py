@@ -47,6 +47,8 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
         own = samplers[0].settings
         shaped = fixed and max(float(m.max(initial=-np.inf)) for m, _ in masses) > total + np.log(0.5)
         needs, sd = _needs_of_probability(samplers, masses, total)
+        heaviest = max(float(s.log_weights.max(initial=-np.inf)) for s in samplers) - total
+        sd = np.inf if heaviest > np.log(own.min_fraction) else sd  # one sample is no estimate
         rounds = own.rounds if (shaped and fixed) or sd > own.probability_sd else min(rounds, own.few_rounds)
         limits = own.first if shaped else own.shape, own.more if fixed or sd > own.probability_sd else own.first
         more = not shaped and k >= own.few_rounds  # further rounds are for the probability alone
@@ -162,10 +164,13 @@ def _wanted(
     need = np.maximum(need, least) if shape else least
     worth = np.clip(ess / np.maximum(sampler.counts(), 1), 1 / own.most, 1)  # effective samples for each drawn
     want = np.where(ess < need, np.clip((need - ess) / worth, *limits), 0).astype(np.int64)
-    if not want.any():
+    alone = sampler.unexplained() if want.any() or p.sum() > own.min_fraction else np.zeros(0, dtype=np.int64)
+    if not want.any() and not len(alone):
         return want
+    owners = np.argmax(sampler.shares[alone], axis=1)
+    want[owners] = np.maximum(want[owners], limits[0])
     sampler.adapt(np.flatnonzero(want), float(sampler.log_weights.max()))
-    found = sampler.objective.maximize(sampler.unexplained(), fine=True)
+    found = sampler.objective.maximize(np.ascontiguousarray(sampler.Ts[alone]), fine=True)
     new = sampler.objective.unlike(found, sampler.peaks)
     if len(new):
         sampler.add(new)

@@ -3,39 +3,69 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.geometry.typing import Covariances, FloatArray
+from tanteo.geometry.typing import BoolArray, Covariances, FloatArray
 from tanteo.posterior.settings import Settings
 
 
-def narrowed(
-    covariances: Covariances,
-    size: FloatArray,
-    log_at: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
-    own: Settings,
-) -> Covariances:
-    """Return covariances narrowed along their axes where the density falls off earlier.
+@dataclass(frozen=True, slots=True, eq=False)
+class Axes:
+    """Principal axes of proposal densities.
+
+    Attributes:
+        widths: standard deviations along the axes, the smallest first ``(m, 6)``.
+        vectors: axes as columns, orthonormal in coordinates over their units ``(m, 6, 6)``.
+        size: unit of each coordinate ``(6,)``.
+    """
+
+    widths: FloatArray
+    vectors: FloatArray
+    size: FloatArray
+
+    @classmethod
+    def of(cls, covariances: Covariances, size: FloatArray) -> Axes:
+        """Return the axes of covariances ``(m, 6, 6)`` [m, rad], with coordinates over the units ``size``."""
+        values, vectors = np.linalg.eigh(covariances / (size[:, None] * size))
+        return cls(np.sqrt(values.clip(0)), vectors, size)
+
+    def take(self, rows: BoolArray) -> Axes:
+        """Return the axes of some densities."""
+        return replace(self, widths=self.widths[rows], vectors=self.vectors[rows])
+
+    @property
+    def scaled(self) -> FloatArray:
+        """Return motions by one width along each axis, as rows ``(m, 6, 6)``."""
+        return np.asarray(self.widths[..., None] * (np.swapaxes(self.vectors, 1, 2) * self.size))
+
+    @property
+    def covariances(self) -> Covariances:
+        """Return the covariances ``(m, 6, 6)`` [m, rad]."""
+        return np.asarray(np.swapaxes(self.scaled, 1, 2) @ self.scaled)
+
+
+def narrowed(axes: Axes, log_at: Callable[[FloatArray], FloatArray], own: Settings) -> Axes:
+    """Return the axes with smaller widths where the density falls off earlier, along an axis or between the widest two.
 
     Args:
-        covariances: covariances about maxima ``(m, 6, 6)`` [m, rad].
-        size: unit of each coordinate for the axes ``(6,)``.
-        log_at: function that returns the log density after motions from the maxima ``(m, k, 6)``, and the other states.
+        axes: axes of densities about maxima.
+        log_at: function that returns the log density after motions from the maxima ``(m, k, 6)``.
         own: settings of the inference.
     """
-    values, vectors = np.linalg.eigh(covariances / (size[:, None] * size))
-    widths, axes = np.sqrt(values.clip(0)), np.swapaxes(vectors, 1, 2) * size
-    top = log_at(np.zeros((len(covariances), 1, 6)))[0]
+    count, fall = len(axes.widths), 0.5 * own.search.notable_sds**2
+    top = log_at(np.zeros((count, 1, 6))).reshape(-1, 1)
     for _ in range(np.finfo(np.float64).nmant):
-        x = (widths[..., None] * axes)[:, :, None] * np.array([1.0, -1.0])[:, None]
-        there = log_at(x.reshape(-1, 12, 6))[0].reshape(-1, 6, 2).max(axis=-1)
-        steep = there < top.reshape(-1, 1) - 0.5 * own.search.notable_sds**2
-        widths = np.where(steep, 0.5 * widths, widths)
+        second, first = axes.scaled[:, 4:5], axes.scaled[:, 5:]
+        steps = np.concatenate([axes.scaled, first + second, first - second], axis=1)
+        there = log_at(np.concatenate([steps, -steps], axis=1)).reshape(count, 2, 8).max(axis=1)
+        steep = there[:, :6] < top - fall
+        steep[:, 4:] |= ((there[:, 6:] < top - 2 * fall).any(axis=1) & ~steep[:, 4:].any(axis=1))[:, None]
+        axes = replace(axes, widths=np.where(steep, 0.5 * axes.widths, axes.widths))
         if not steep.any():
             break
-    scaled = widths[..., None] * axes
-    return np.asarray(np.swapaxes(scaled, 1, 2) @ scaled, dtype=np.float64)
+    return axes
 
 
 def roots(covariances: Covariances) -> FloatArray:
