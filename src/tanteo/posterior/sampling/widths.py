@@ -47,21 +47,24 @@ class Axes:
 
 
 def narrowed(axes: Axes, log_at: Callable[[FloatArray], FloatArray], own: Settings) -> Axes:
-    """Return the axes with smaller widths where the density falls off earlier, along an axis or between the widest two.
+    """Return the axes with smaller widths where the density falls off earlier.
+
+    Where it does so along an axis, the ridge may be bent, and the widths hold also between the widest two axes.
 
     Args:
         axes: axes of densities about maxima.
         log_at: function that returns the log density after motions from the maxima ``(m, k, 6)``.
         own: settings of the inference.
     """
-    count, fall = len(axes.widths), 0.5 * own.search.notable_sds**2
+    count, fall, first = len(axes.widths), 0.5 * own.search.notable_sds**2, axes.widths
     top = log_at(np.zeros((count, 1, 6))).reshape(-1, 1)
     for _ in range(np.finfo(np.float64).nmant):
-        second, first = axes.scaled[:, 4:5], axes.scaled[:, 5:]
-        steps = np.concatenate([axes.scaled, first + second, first - second], axis=1)
+        second, widest = axes.scaled[:, 4:5], axes.scaled[:, 5:]
+        steps = np.concatenate([axes.scaled, widest + second, widest - second], axis=1)
         there = log_at(np.concatenate([steps, -steps], axis=1)).reshape(count, 2, 8).max(axis=1)
         steep = there[:, :6] < top - fall
-        steep[:, 4:] |= ((there[:, 6:] < top - 2 * fall).any(axis=1) & ~steep[:, 4:].any(axis=1))[:, None]
+        between = (there[:, 6:] < top - 2 * fall).any(axis=1) & ~steep.any(axis=1) & (axes.widths < first).any(axis=1)
+        steep[:, 4:] |= between[:, None]
         axes = replace(axes, widths=np.where(steep, 0.5 * axes.widths, axes.widths))
         if not steep.any():
             break
