@@ -12,6 +12,7 @@ from tanteo.posterior.sampling import peaks
 from tanteo.posterior.sampling.control_variate import ControlVariate
 from tanteo.posterior.sampling.modes import beyond_normal, covariance_of_samples, far_tail
 from tanteo.posterior.sampling.sampler import Sampler
+from tanteo.posterior.sampling.sampling import sample
 from tanteo.posterior.settings import Effort
 
 
@@ -164,3 +165,23 @@ def test_a_density_that_samples_do_not_cover_is_no_control(parts):
     sampler.sample(np.array([300]))
     top = float(sampler.log_weights.max())
     assert sampler.masses()[0][0] == pytest.approx(top + np.log(sampler.weights(top).sum()), abs=1e-6)
+
+
+def test_a_part_far_behind_has_few_samples(parts):
+    """A part of probability 1e-9 has many maxima near its best one; they are no reason to sample them all."""
+    rng = np.random.default_rng(12)
+    target, other = (prepare(parts[name]) for name in ("bracket_left", "clamp"))
+    p, _ = surface_points(target, 12, rng)
+    problem = Problem(touches_of(p + 2e-3 * rng.normal(size=p.shape), 2e-3), no_paths(), Priors(radius=0.1))
+    samplers = []
+    for part in (target, other):
+        search = part_search.start_search(problem, part, np.random.default_rng(0))
+        search.restart()
+        samplers.append(Sampler(search.objective, search.peaks, np.random.default_rng(1), 0.0))
+    lead, behind = samplers
+    gap = lead.peaks.evidence[0] - behind.peaks.evidence[0]
+    behind.log_constant = float(gap) - 20
+    sample(samplers, -1e9)
+    assert lead.counts().sum() > 300
+    assert len(behind.peaks) > 10
+    assert behind.counts().sum() < 0.25 * lead.counts().sum()

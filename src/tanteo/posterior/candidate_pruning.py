@@ -23,7 +23,7 @@ import numpy as np
 
 from tanteo.catalogue.signatures import widths
 from tanteo.factors import ContactPoints
-from tanteo.geometry.limits import SUSPECT
+from tanteo.geometry.limits import NOTABLE, SUSPECT
 from tanteo.geometry.special import log_sum, softmax
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.posterior.candidates import Candidates
@@ -486,7 +486,9 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
         budget = max(own.rounds // 2 * count, own.most_rounds)
         if may_be_missed and count <= best.objective.problem.settings.pruning.unfixed:
             budget = max(budget, own.rounds * count)
-        enough = float(np.log(own.missing))
+        # as long as no part is sure, missed maxima that are less than its uncertainty do not change the answer
+        is_sure = best.log_evidence > np.logaddexp(total, log_unknown) + np.log1p(-2 * NOTABLE)
+        enough = float(np.log(own.missing if is_sure else own.missing_unsure))
         decisive = [
             s
             for s in live
@@ -563,4 +565,4 @@ def _pass_on(searches: Sequence[PartSearch]) -> None:
             Ts = poses_on_planes(planes[k], search.objective)
             poses.append(InitialPoses(Ts, np.full(len(Ts), leading[k][1].groups[0])))
         if poses:
-            search.add(InitialPoses.joined(poses), leader=order[0])
+            search.add(InitialPoses.joined(poses), search.most_behind(order[0]), order[0])

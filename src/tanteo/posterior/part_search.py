@@ -51,6 +51,7 @@ class PartSearch:
     exhaustive: bool = False
     log_odds: float = 0.0
     _tried: dict[int, Peaks] = field(default_factory=dict)
+    _evidence: tuple[Peaks, float] | None = None
 
     @property
     def settings(self) -> SearchSettings:
@@ -60,13 +61,16 @@ class PartSearch:
     @property
     def log_evidence(self) -> float:
         """Return the log-evidence of all maxima and their symmetric images, without constant factors of the prior."""
-        return self._constant + float(log_sum(self.peaks.evidence)) if len(self.peaks) else -np.inf
+        if self._evidence is None or self._evidence[0] is not self.peaks:
+            log = self._constant + float(log_sum(self.peaks.evidence)) if len(self.peaks) else -np.inf
+            self._evidence = self.peaks, log
+        return self._evidence[1]
 
     def is_ridge(self) -> bool:
-        """Return whether the effective number of maxima exceeds the most rounds: further rounds find further maxima."""
+        """Return whether the effective number of maxima exceeds the number of rounds: more rounds find more maxima."""
         evidence = self.peaks.evidence
         log_number = float(2 * log_sum(evidence) - log_sum(2 * evidence)) if len(evidence) else 0.0
-        return log_number > np.log(self.settings.most_rounds)
+        return log_number > np.log(self.settings.rounds)
 
     def log_missed(self) -> float:
         """Return the log-evidence of the maxima that the search is expected to have missed."""
@@ -87,20 +91,32 @@ class PartSearch:
     def restart(self, effort: Effort | None = None, leader: PartSearch | None = None) -> None:
         """Carry out one more round: all proposers in turn, each of which reads the maxima so far.
 
-        A later round of a part that does not explain the points searches for one missed pose. Such a pose is among the
-        best refined ones, so that a round maximizes from these alone.
+        A later round of a part that does not explain the points, or far less than the leader, searches for one missed
+        pose. Such a pose is among the best refined ones, so that a round maximizes from these alone.
 
         Args:
             effort: numbers of poses to propose; None for those of the settings.
             leader: search of the best part so far; None without another part.
         """
-        most = None
+        most = self.most_behind(leader)
         if self.restarts:  # the points that are farthest apart may be outliers: later rounds take others
-            most = self.settings.points if effort is None and not self.is_good_fit() else None
+            if effort is None and not self.is_good_fit():
+                most = self.settings.points
             self._take_other_points()
         for proposer in proposers():
             self.propose(proposer, effort, most, leader)
         self.restarts += 1
+
+    def most_behind(self, leader: PartSearch | None) -> int | None:
+        """Return the number of refined poses to maximize from if the part is so far behind a leader; None if it is not.
+
+        Args:
+            leader: search of the best part so far; None without another part.
+        """
+        if leader is None or not self.restarts:
+            return None
+        gap = leader.log_evidence - self.log_evidence
+        return self.settings.points if gap > self.objective.problem.settings.samples.few_gap else None
 
     def propose(
         self,
