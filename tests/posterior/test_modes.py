@@ -167,7 +167,7 @@ def test_a_density_that_samples_do_not_cover_is_no_control(parts):
     assert sampler.masses()[0][0] == pytest.approx(top + np.log(sampler.weights(top).sum()), abs=1e-6)
 
 
-def test_a_part_far_behind_has_few_samples(parts):
+def test_an_improbable_part_has_few_samples(parts):
     """A part of probability 1e-9 has many maxima near its best one; they are no reason to sample them all."""
     rng = np.random.default_rng(12)
     target, other = (prepare(parts[name]) for name in ("bracket_left", "clamp"))
@@ -178,10 +178,10 @@ def test_a_part_far_behind_has_few_samples(parts):
         search = part_search.start_search(problem, part, np.random.default_rng(0))
         search.restart()
         samplers.append(Sampler(search.objective, search.peaks, np.random.default_rng(1), 0.0))
-    lead, behind = samplers
-    gap = lead.peaks.evidence[0] - behind.peaks.evidence[0]
-    behind.log_constant = float(gap) - 20
+    lead, improbable = samplers
+    gap = lead.peaks.evidence[0] - improbable.peaks.evidence[0]
+    improbable.log_constant = float(gap) - 20
     sample(samplers, -1e9)
     assert lead.counts().sum() > 300
-    assert len(behind.peaks) > 10
-    assert behind.counts().sum() < 0.25 * lead.counts().sum()
+    assert len(improbable.peaks) > 10
+    assert improbable.counts().sum() < 0.25 * lead.counts().sum()

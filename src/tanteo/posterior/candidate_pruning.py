@@ -565,4 +565,4 @@ def _pass_on(searches: Sequence[PartSearch]) -> None:
             Ts = poses_on_planes(planes[k], search.objective)
             poses.append(InitialPoses(Ts, np.full(len(Ts), leading[k][1].groups[0])))
         if poses:
-            search.add(InitialPoses.joined(poses), search.most_behind(order[0]), order[0])
+            search.add(InitialPoses.joined(poses), search.most_if_improbable(order[0]), order[0])

@@ -98,7 +98,7 @@ class PartSearch:
             effort: numbers of poses to propose; None for those of the settings.
             leader: search of the best part so far; None without another part.
         """
-        most = self.most_behind(leader)
+        most = self.most_if_improbable(leader)
         if self.restarts:  # the points that are farthest apart may be outliers: later rounds take others
             if effort is None and not self.is_good_fit():
                 most = self.settings.points
@@ -107,8 +107,8 @@ class PartSearch:
             self.propose(proposer, effort, most, leader)
         self.restarts += 1
 
-    def most_behind(self, leader: PartSearch | None) -> int | None:
-        """Return the number of refined poses to maximize from if the part is so far behind a leader; None if it is not.
+    def most_if_improbable(self, leader: PartSearch | None) -> int | None:
+        """Return the largest number of poses to maximize from of a part far less probable than a leader; None for others.
 
         Args:
             leader: search of the best part so far; None without another part.
