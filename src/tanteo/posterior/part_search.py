@@ -108,7 +108,7 @@ class PartSearch:
         self.restarts += 1
 
     def most_if_improbable(self, leader: PartSearch | None) -> int | None:
-        """Return the largest number of poses to maximize from of a part far less probable than a leader; None for others.
+        """Return the most poses to maximize from of a part far less probable than a leader; None for others.
 
         Args:
             leader: search of the best part so far; None without another part.
