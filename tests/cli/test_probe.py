@@ -96,7 +96,7 @@ def test_a_session_is_followed_on_a_page(run, monkeypatch):
     monkeypatch.setattr(
         "tanteo.render.live.page.LivePage.set_text", lambda page, *words: shown.append(words) or show_text(page, *words)
     )
-    monkeypatch.setattr("tanteo.cli.looking.until_interrupted", lambda: None)
+    monkeypatch.setattr("tanteo.cli.live_page.until_interrupted", lambda: None)
     result = probe(run, "fake:direct", "--live", "--no-open", "--pose-prior", PRIOR, "--as", "matrix")
     assert result.code == 0
     assert "Live page: http://127.0.0.1:" in result.err

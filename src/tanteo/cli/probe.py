@@ -13,7 +13,7 @@ from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import controller, files, typed
 from tanteo.cli.assumed_errors import AssumedErrors
-from tanteo.cli.looking import page_of, stay
+from tanteo.cli.live_page import page_of, stay
 from tanteo.cli.machine import MachineOptions, check_record, confirmed
 from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, warned

@@ -14,7 +14,7 @@ from tanteo.parts.part import Part
 _NAME = re.compile(r"(\w+) (\d+)")
 
 _MOST = 64
-"""Points of a curved face, no more."""
+"""Definition: largest number of points of a curved face."""
 
 _ARM = 0.03
 """Half length of the cross that is drawn at a vertex, as a share of the part's diagonal."""
@@ -38,12 +38,12 @@ class NamedFace:
 
     @classmethod
     def count(cls, part: Part) -> int:
-        """Return how many of them a part has."""
+        """Return the number of faces of a part."""
         return len(part.faces)
 
     @property
     def outline(self) -> FloatArray:
-        """Lines that show it ``(L, 2, 3)``."""
+        """Line segments of its border ``(L, 2, 3)`` [m]."""
         part = self.part
         corners = part.triangles[part.triangle_face == self.number][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         pairs, count = np.unique(np.sort(corners, axis=1), axis=0, return_counts=True)
@@ -51,7 +51,7 @@ class NamedFace:
 
     @property
     def places(self) -> tuple[Vectors, FloatArray]:
-        """Points of it, and projectors on the directions in which it is not free to slide ``(K, 3)``, ``(K, 3, 3)``."""
+        """Points of the face ``(K, 3)`` [m], and projectors on its normals there ``(K, 3, 3)``."""
         part = self.part
         (planar,) = np.nonzero(part.planes.faces == self.number)
         if len(planar):
@@ -68,7 +68,7 @@ class NamedFace:
         return points, normals[:, :, None] * normals[:, None]
 
     def nearest(self, point: Vectors) -> tuple[Vectors, Vectors] | None:
-        """Return its nearest place and the directions across it ``(k, 3)``; None where the surface itself has them."""
+        """Return the nearest point and the directions across the feature ``(k, 3)``; None for those of the surface."""
         return None
 
 

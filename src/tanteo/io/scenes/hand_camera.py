@@ -16,7 +16,7 @@ from tanteo.io.poses.camera_file import read_camera
 from tanteo.io.scenes.view import furniture_pixels, rendered, top_of_table
 from tanteo.parts import Part
 from tanteo.planning.execution import HYPOTHESES, part_seen, seen_start
-from tanteo.planning.execution.looking import Eye
+from tanteo.planning.execution.camera_views import Eye
 from tanteo.planning.start import Start
 from tanteo.posterior import PreparedPart
 from tanteo.vision import View, see_table

@@ -1,4 +1,4 @@
-from . import looking as looking
+from . import camera_views as camera_views
 from .approach import approach_path as approach_path
 from .approach import approach_poses as approach_poses
 from .approach import retreated_poses as retreated_poses

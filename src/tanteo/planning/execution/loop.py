@@ -15,7 +15,7 @@ from tanteo.hand.motion import Motion, Rules, go_to
 from tanteo.hand.simulator.arm import Reach
 from tanteo.planning.candidates import Candidates
 from tanteo.planning.execution.approach import approach_poses, feasible, ranked, route
-from tanteo.planning.execution.looking import Eyes, next_view
+from tanteo.planning.execution.camera_views import Eyes, next_view
 from tanteo.planning.execution.possible import FreeSpace, PossiblePoses
 from tanteo.planning.execution.resting import Furniture, as_readings, beyond_furniture, of_parts, rest
 from tanteo.planning.execution.start import REPEATS

@@ -17,7 +17,7 @@ from tanteo.io.scenes.hand_camera import HandCamera
 from tanteo.parts import read_part
 from tanteo.planning import Stop, sense_part
 from tanteo.planning.execution import FreeSpace, PossiblePoses
-from tanteo.planning.execution.looking import OUT_OF_REACH, TAKEN, TOO_NEAR, next_view
+from tanteo.planning.execution.camera_views import OUT_OF_REACH, TAKEN, TOO_NEAR, next_view
 
 DEMO = resources.files("tanteo.bench.demo")
 
