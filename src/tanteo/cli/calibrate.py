@@ -161,7 +161,7 @@ def _lines(found: HandEye, names: list[str]) -> list[str]:
     across, along, turn = found.sds
     return [
         f"{found.status}: camera in the {frame} at x {x:.3f} y {y:.3f} z {z:.3f} mm, "
-        f"roll {roll:.3f} pitch {pitch:.3f} yaw {yaw:.3f} deg",
+        f"roll {roll:z.3f} pitch {pitch:z.3f} yaw {yaw:z.3f} deg",
         "  sd        x {:.3g}  y {:.3g}  z {:.3g} mm, ".format(*1e3 * sds[:3])
         + "rx {:.3g}  ry {:.3g}  rz {:.3g} deg, camera frame".format(*map(math.degrees, sds[3:])),
         f"  samples   {int(found.used.sum())} of {len(found.used)}; sd of one observation of the target: "

@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.planning import Session, Step, Stop
 from tanteo.planning.explanation import Added
 from tanteo.render.html.charts import SHARES, STYLES, Curve, bar, curve_chart, lengths_scale
-from tanteo.render.html.page import Html, Section, element, join, table
+from tanteo.render.html.page import Html, Section, element, join, prose, table
 from tanteo.render.html.words import MM, uncertain
 from tanteo.words import percent
 
@@ -76,7 +76,7 @@ def _line(step: Step, names: Sequence[str]) -> Html:
     after = f"{names[best]} {percent(float(step.probabilities[best]))}"
     sd = f", largest corner sd {uncertain(step.corner_sd)}" if np.isfinite(step.corner_sd) else ""
     reason = "" if action is None else f". {action.reason.message}"
-    return element("li", element("strong", question), f"{reason} → {after}{sd}")
+    return element("li", element("strong", question), prose(f"{reason} → {after}{sd}"))
 
 
 def _probabilities(session: Session) -> Html:

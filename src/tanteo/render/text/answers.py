@@ -93,7 +93,7 @@ def _details(best: Hypothesis, *, verbose: bool) -> list[str]:
     sds = np.sqrt(np.diag(best.covariance))
     lines = [
         f"  file        {printable(best.file)}",
-        f"  quaternion  w {q[0]:.6f}  x {q[1]:.6f}  y {q[2]:.6f}  z {q[3]:.6f}",
+        f"  quaternion  w {q[0]:z.6f}  x {q[1]:z.6f}  y {q[2]:z.6f}  z {q[3]:z.6f}",
         f"  sd          x {sds[0] * 1e3:.3g}  y {sds[1] * 1e3:.3g}  z {sds[2] * 1e3:.3g} mm, "
         f"rx {np.degrees(sds[3]):.3g}  ry {np.degrees(sds[4]):.3g}  rz {np.degrees(sds[5]):.3g} deg, part frame",
         f"  fit         rms {_millimetres(best.rms)}, chi2 {best.chi2:.3g} with {best.dof} dof, p {best.p_value:.3g}",
@@ -123,17 +123,17 @@ def _others(hypotheses: tuple[Hypothesis, ...], layout: Layout) -> list[str]:
     rows = []
     for h in hypotheses:
         x = pose_as_brand("paper", h.T_world_part)
-        numbers = [f"{v * 1e3:.2f}" for v in x[:3]] + [f"{np.degrees(v):.2f}" for v in x[3:]]
+        numbers = [f"{v * 1e3:z.2f}" for v in x[:3]] + [f"{np.degrees(v):z.2f}" for v in x[3:]]
         rows.append([h.part, percent(h.probability), *numbers, f"{h.corner_sd * 1e3:.3g}"])
     return layout.table(headers, rows, indent=2)
 
 
 def _position(T: np.ndarray) -> str:
-    return "x {:.2f} y {:.2f} z {:.2f}".format(*T[:3, 3] * 1e3)
+    return "x {:z.2f} y {:z.2f} z {:z.2f}".format(*T[:3, 3] * 1e3)
 
 
 def _turn(T: np.ndarray) -> str:
-    return "roll {:.2f} pitch {:.2f} yaw {:.2f}".format(*np.degrees(pose_as_brand("paper", T)[3:]))
+    return "roll {:z.2f} pitch {:z.2f} yaw {:z.2f}".format(*np.degrees(pose_as_brand("paper", T)[3:]))
 
 
 def _millimetres(metres: float) -> str:

@@ -54,7 +54,7 @@ def _values(values: np.ndarray, error: CellError) -> str:
         return " ".join(f"{v:.4g}" for v in values)
     angles = values[3:] if len(values) == 6 else values[:0]
     lengths = values[: len(values) - len(angles)]
-    text = " ".join(f"{1e3 * v:.3f}" for v in lengths) + " mm"
+    text = " ".join(f"{1e3 * v:z.3f}" for v in lengths) + " mm"
     return text + (" " + " ".join(f"{np.degrees(v):.4f}" for v in angles) + " deg" if len(angles) else "")
 
 
@@ -65,10 +65,10 @@ def _next(check: CellCheck) -> str:
     x, y, z = 1e3 * one.point
     dx, dy, dz = one.direction
     ax, ay, az = one.axis
-    turned = (
-        f"rotated by {np.degrees(one.turn):.0f} deg about ({ax:.2f}, {ay:.2f}, {az:.2f})" if one.turn else "as before"
-    )
+    about = f"about ({ax:z.2f}, {ay:z.2f}, {az:z.2f})"
+    turned = f"rotated by {np.degrees(one.turn):.0f} deg {about}" if one.turn else "as before"
+    along = f"({dx:z.3f}, {dy:z.3f}, {dz:z.3f})"
     return printable(
-        f"Next: {one.face} at ({x:.1f}, {y:.1f}, {z:.1f}) mm along ({dx:.3f}, {dy:.3f}, {dz:.3f}), the hand {turned}: "
+        f"Next: {one.face} at ({x:z.1f}, {y:z.1f}, {z:z.1f}) mm along {along}, the hand {turned}: "
         f"expected information {one.gain:.2f} nats about these errors."
     )

@@ -111,7 +111,7 @@ def next_lines(answer: Answer, found: NextReading | Finding | None, *, layout: L
             return [head, "No further reading is needed for the status; --goal 0.5mm states a required accuracy."]
         return [head, printable(found.message if found is not None else answer.message)]
     one, step = found.action, found.finding
-    place, start = (", ".join(f"{1e3 * v:.2f}" for v in point) for point in (step.point, step.start))
+    place, start = (", ".join(f"{1e3 * v:z.2f}" for v in point) for point in (step.point, step.start))
     along = ", ".join(f"{round(v, 4) + 0.0:.4f}" for v in step.direction)
     lines = [
         head,

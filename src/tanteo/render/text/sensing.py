@@ -75,7 +75,7 @@ def _where(feature: Feature | None) -> str:
     if feature is None:
         return ""
     T = feature.T_world_feature
-    place = "at x {:.2f} y {:.2f} z {:.2f} mm".format(*(1e3 * T[:3, 3]))
+    place = "at x {:z.2f} y {:z.2f} z {:z.2f} mm".format(*(1e3 * T[:3, 3]))
     axis = feature.kind.axis
     if axis is None:
         return place + " in the world"

@@ -172,7 +172,7 @@ def _(one: f.AssumedTip) -> Words:
     text = f"The error of the tip's offset is not stated: {millimetres(one.sd)} (1 sd) is assumed{why} (--tip-sd)."
     if not one.estimate:
         return text, ""
-    offset = ", ".join(f"{1e3 * v:.2f}" for v in one.estimate)
+    offset = ", ".join(f"{1e3 * v:z.2f}" for v in one.estimate)
     sds = ", ".join(f"{1e3 * v:.2f}" for v in one.sds)
     return f"{text} Its estimate in the hand is ({offset}) +- ({sds}) mm.", ""
 

@@ -52,7 +52,7 @@ def touch_words(one: f.DecidingTouch) -> str:
         f"the table, if {name}" if z <= 0 else f"z {1e3 * z:.1f} mm, if {name}"
         for name, z in zip(one.answers, one.heights, strict=True)
     )
-    return f"sense from above at x {x:.1f} y {y:.1f} mm: {a}; {b}"
+    return f"sense from above at x {x:z.1f} y {y:z.1f} mm: {a}; {b}"
 
 
 @words_of.register

@@ -28,7 +28,7 @@ def _(one: f.SeveralEqual) -> Words:
     """Name each part with its readings."""
     number = _NUMBERS.get(len(one.readings), str(len(one.readings)))
     each = [
-        f"{k} at x {1e3 * x:.2f} y {1e3 * y:.2f} z {1e3 * z:.2f} mm to {millimetres(sd)}, from {_runs(ids)}"
+        f"{k} at x {1e3 * x:z.2f} y {1e3 * y:z.2f} z {1e3 * z:z.2f} mm to {millimetres(sd)}, from {_runs(ids)}"
         f"{'' if status == 'recognized' else f' ({status})'}"
         for k, ((x, y, z), sd, ids, status) in enumerate(
             zip(one.positions, one.corner_sds, one.readings, one.statuses, strict=True), start=1
