@@ -705,6 +705,20 @@ def test_a_refused_reading_is_not_planned_again(targets):
     assert [a.number for a in seen] == [1, 2, 3, 4, 5]
 
 
+def test_a_face_that_is_always_refused_is_soon_given_up(targets):
+    """Of one face and direction at most six readings, far fewer than places that are a little apart."""
+    session = new_session(rough(targets))
+    tried = []
+    for _ in range(18):
+        action = session.ask()
+        if isinstance(action, Done):
+            break
+        tried.append((action.part, action.face, tuple(np.round(action.direction, 1))))
+        session.refuse(action)
+    assert len(tried) > 6
+    assert max(map(tried.count, tried)) <= 6
+
+
 def test_places_and_directions_like_a_refused_one_are_left_out(targets):
     session = new_session(rough(targets))
     action = session.ask()

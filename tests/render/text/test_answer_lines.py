@@ -167,3 +167,8 @@ def test_json_has_no_nan():
     assert document["hypotheses"][0]["corner_sd_m"] is None
     assert document["hypotheses"][0]["covariance"]["matrix"][1][1] is None
     assert text.isascii()
+
+
+def test_no_minus_zero_is_printed():
+    slight = SE3.from_parts(SO3.exp(np.array([-1e-7, -2e-7, -1e-7])), np.array([-1e-9, 0.0, -4e-9]))
+    assert "-0.0" not in answer_lines(recognition(hypothesis(T_world_part=slight)))[0]

@@ -92,14 +92,24 @@ def _short(context: DecisionContext, k: int, mode: int) -> float:
 def unlike(candidates: Candidates, refused: Sequence[Action]) -> Candidates:
     """Return the candidates that are not similar to any refused action.
 
+    What prevents one reading of a face often prevents its neighbours. The excluded distance therefore doubles with each
+    refused action of the same face and direction, so that few of them exclude a face that cannot be reached.
+
     Args:
         candidates: candidate readings.
-        refused: refused actions.
+        refused: refused actions, in order.
     """
+    tried = list[Action]()
     for action in (a for a in refused if not a.acquires):
+        place = action.part, action.face
+        near = [
+            a for a in tried if (a.part, a.face) == place and np.linalg.norm(a.direction - action.direction) <= _SIMILAR
+        ]
+        reach = _SIMILAR * action.expected * 2 ** len(near)
         away = np.linalg.norm(candidates.origins - action.origin, axis=1)
         turned = np.linalg.norm(candidates.directions - action.direction, axis=1)
-        candidates = candidates.take((away > _SIMILAR * action.expected) | (turned > _SIMILAR))
+        candidates = candidates.take((away > reach) | (turned > _SIMILAR))
+        tried.append(action)
     return candidates
 
 
