@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from tanteo.factors.factor import MeasuredRow
 from tanteo.factors.on_surface import OnSurface
 from tanteo.geometry import SO3
+from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.parts import Surface
 from tanteo.sensors.noise import cone_rays
 
@@ -38,6 +40,8 @@ class ConeRange(OnSurface):
         max_incidence: largest incidence at which the device detects a surface [rad].
         response: what the device reports of its cone, one of :data:`~tanteo.sensors.presets.RESPONSES`; empty if
             unknown.
+        behind: plane of furniture that most of the cone hits, as unit normal towards the sensor and offset along it in
+            the world ``(4,)`` [m]; None without furniture.
 
     Example:
         >>> from tanteo.factors.cone_range import ConeRange
@@ -54,6 +58,7 @@ class ConeRange(OnSurface):
     half_angle: float
     max_incidence: float = 1.5707
     response: str = ""
+    behind: Vectors | None = None
 
     @property
     def residual_sd(self) -> float:
@@ -73,15 +78,12 @@ class ConeRange(OnSurface):
             surface: surface of furniture in the world.
             sd: standard deviation of this surface along its normal [m].
         """
-        axis = np.asarray(self.approach)
-        rays = cone_rays(self.half_angle, _RAYS) @ SO3.frame_from_axis(axis, 2).T
-        hits = surface.cast(self.at - self.range * axis, rays)
-        normals = surface.normals[np.maximum(hits.triangles, 0)]
+        distances, normals, rays = self._cast(surface)
         cosines = np.abs(np.sum(normals * rays, axis=1))
-        hit = np.isfinite(hits.distances)  # it answered, so that its largest incidence excludes nothing
+        hit = np.isfinite(distances)  # it answered, so that its largest incidence excludes nothing
         if not hit.any():
             return -np.inf
-        ranges, shares = hits.distances[hit], SHARES[self.response]
+        ranges, shares = distances[hit], SHARES[self.response]
         flat = np.unique(np.round(normals[hit], 3), axis=0, return_inverse=True)[1].ravel()
         signals = cosines[hit] / ranges**2
         most = np.argmax(np.bincount(flat, weights=signals))
@@ -102,12 +104,43 @@ class ConeRange(OnSurface):
         with np.errstate(divide="ignore"):
             return float(np.log(density) - 0.5 * np.log(2 * np.pi * variance))
 
+    def before(self, surfaces: Sequence[Surface]) -> ConeRange:
+        """Return the range of a cone that also contains furniture, as the plane that most of its rays hit.
+
+        Rays that miss the part hit furniture, so that a mean is between both, and the larger signal is the stronger.
+
+        Args:
+            surfaces: surfaces of furniture in the world.
+        """
+        if not surfaces:
+            return self
+        origin = self.at - self.range * np.asarray(self.approach)
+        found = [self._cast(surface) for surface in surfaces]
+        distances, normals = (np.stack([one[k] for one in found]) for k in (0, 1))
+        first = (distances.argmin(axis=0), np.arange(_RAYS))
+        hit, rays = np.isfinite(distances[first]), found[0][2]
+        if not hit.any():
+            return self
+        n, rays, d = normals[first][hit], rays[hit], distances[first][hit]
+        n = np.where(np.sum(n * rays, axis=1, keepdims=True) > 0, -n, n)
+        planes = np.column_stack([n, np.sum(n * (origin + d[:, None] * rays), axis=1)])
+        _, where, counts = np.unique(np.round(planes, 4), axis=0, return_index=True, return_counts=True)
+        return replace(self, behind=planes[where[counts.argmax()]])
+
+    def _cast(self, surface: Surface) -> tuple[FloatArray, Vectors, Vectors]:
+        """Return distances, normals of the surface and directions of the rays that fill the cone."""
+        axis = np.asarray(self.approach)
+        rays = cone_rays(self.half_angle, _RAYS) @ SO3.frame_from_axis(axis, 2).T
+        hits = surface.cast(self.at - self.range * axis, rays)
+        return hits.distances, surface.normals[np.maximum(hits.triangles, 0)], rays
+
     def columns(self) -> dict[str, Any]:
         """Return the numbers of the cone, and the probability of each response."""
+        behind = np.zeros(4) if self.behind is None else self.behind
         shares = {name: 0.0 for share in SHARES.values() for name in share} | SHARES[self.response]
         return {
             "directions": self.approach, "round_face": False, "ranges": self.range, "half_angles": self.half_angle,
-            "max_incidences": self.max_incidence, **shares,
+            "max_incidences": self.max_incidence, "furniture_normals": behind[:3], "furniture_offsets": behind[3], **shares,
         }  # fmt: skip
 
     @classmethod

@@ -140,6 +140,14 @@ class Factor(ABC):
         """
         return None
 
+    def before(self, surfaces: Sequence[Surface]) -> Factor:
+        """Return the factor of a device that also senses furniture beside the part; the same for most kinds.
+
+        Args:
+            surfaces: surfaces of furniture in the world.
+        """
+        return self
+
     @abstractmethod
     def columns(self) -> dict[str, Any]:
         """Return the numbers of this kind that the core needs, by the names of its columns.

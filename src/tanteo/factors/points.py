@@ -19,6 +19,7 @@ from tanteo.factors.factor import (
     factor_class,
 )
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Indices, IntArray, Vectors
+from tanteo.parts import Surface
 from tanteo.sensors import Column, PointMeasurements
 
 _ONE_BEAM, _PARALLEL = 1e-3, float(np.cos(np.radians(1)))
@@ -175,13 +176,17 @@ class ContactPoints:
         object.__setattr__(out, "places", places)
         return out
 
-    def compiled(self, log_outlier: FloatArray) -> list[tuple[_core.FactorList, Indices]]:
+    def compiled(
+        self, log_outlier: FloatArray, furniture: Sequence[Surface] = ()
+    ) -> list[tuple[_core.FactorList, Indices]]:
         """Return the factors for the core: one block per kind, with the rows of its factors.
 
         Args:
             log_outlier: log density of each measurement as an outlier ``(n,)``.
+            furniture: surfaces beside the part in the world.
         """
-        return compile_factors(self.factors, float(np.hypot(self.tolerance, self.rounding)), log_outlier)
+        factors = [factor.before(furniture) for factor in self.factors]
+        return compile_factors(factors, float(np.hypot(self.tolerance, self.rounding)), log_outlier)
 
 
 def _stacked(vectors: Sequence[Vectors | None], none: Vectors) -> Vectors:

@@ -17,7 +17,7 @@ from tanteo.geometry.typing import Covariances, FloatArray, Indices, IntArray, T
 from tanteo.parts import Part
 from tanteo.posterior.answers.pose_prior import log_density_within
 from tanteo.posterior.answers.priors import Priors
-from tanteo.posterior.furniture_points import FurniturePoints, outlier_log_density, weigh_furniture
+from tanteo.posterior.furniture_points import FurniturePoints, outlier_log_density, weigh_furniture, without_pose
 from tanteo.posterior.labels import LabelEvidence, groups_of, label_evidence
 from tanteo.posterior.outliers import outlier_rates
 from tanteo.posterior.prepared import PreparedPart
@@ -167,7 +167,8 @@ class Problem:
     def factors(self) -> list[tuple[_core.FactorList, Indices]]:
         """Return the measurements for the core, compiled once for all parts."""
         if not self._factors and len(self.points):
-            self._factors.extend(self.points.compiled(self.log_outlier))
+            furniture = without_pose(self.points, self.priors).furniture
+            self._factors.extend(self.points.compiled(self.log_outlier, [one.surface for one in furniture]))
         return self._factors
 
     def compiled(self, prepared: PreparedPart, *, with_prior: bool = True) -> _core.Problem:

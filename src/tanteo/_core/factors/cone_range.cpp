@@ -14,8 +14,9 @@ namespace {
 // What chose these numbers: seed 71 of benchmarks/wide_cones.py, a few scenes of it; WEIGHT_SD is smaller than the
 // difference of even and signal weights (0.2 to 0.3 of the spread), which are two models. RAYS_ERROR bounds the mean of
 // the raster against that of many rays over 148 cones that a part fills in part.
-// rays that fill a cone; while noise is blurred, or on one plane; where less than half of them hit
-constexpr int RAYS = 63, FEW_RAYS = 31, MANY_RAYS = RayPattern::MOST;
+// rays that fill a cone; where they suffice; where less than half of them hit
+constexpr int RAYS = 63, FEW_RAYS = 15, MANY_RAYS = RayPattern::MOST;
+constexpr double RASTER = 0.1;      // error of the mean of the rays, in standard deviations of the noise, that needs no more rays
 constexpr double EDGE_SD = 0.05;    // relative standard deviation of the half angle: sensitivity fades at the edge
 constexpr double WEIGHT_SD = 0.03;  // of the mean over rays, over their spread: the reflectance of each place is unknown
 constexpr double RAYS_ERROR = 0.7;  // error of the mean of n rays, over their spread and n^-3/4, as of places even by design
@@ -23,6 +24,40 @@ constexpr int STRONGER = 4;         // power of the signal to which a surface is
 constexpr double SAME = 0.3;        // difference in standard deviations up to which echoes of one face are one component
 
 const RayPattern ALL_RAYS(RAYS), SOME_RAYS(FEW_RAYS), DENSE_RAYS(MANY_RAYS);
+
+// Moments of ranges: sums of weights, of weighted ranges and of their squares.
+struct Moments {
+    double weight = 0, first = 0, second = 0;
+    void add(double w, double range) {
+        weight += w;
+        first += w * range;
+        second += w * range * range;
+    }
+    double mean() const { return first / weight; }
+    double spread() const { return std::max(second / weight - mean() * mean(), 0.0); }
+};
+
+double signal_of(double cosine, double range) { return cosine / (range * range); }
+
+// Furniture in the cone, as a plane: what it returns to the rays that the part does not block, by number and by signal.
+struct Behind {
+    Vec3 normal;        // in the part frame; zero without furniture
+    double height = 0;  // of the origin of the cone
+    Moments free[2];    // even, and by signal
+
+    // The range at which the ray along a unit vector hits it; 0 for none.
+    double range(const Vec3& ray) const {
+        const double cosine = -dot(normal, ray);
+        return cosine > 1e-3 ? height / cosine : 0;
+    }
+    // Takes away what a ray of the part blocks.
+    void block(const Vec3& ray) {
+        const double r = range(ray);
+        if (!(r > 0)) return;
+        free[0].add(-1, r);
+        free[1].add(-signal_of(-dot(normal, ray), r), r);
+    }
+};
 
 }  // namespace
 
@@ -48,11 +83,28 @@ class ConeRange final : public OnSurface {
         of_nearest = columns.number("of_nearest", row, 0, 1);
         of_mean = columns.number("of_mean", row, 0, 1);
         of_strongest = columns.number("of_strongest", row, 0, 1);
+        furniture = columns.vector("furniture_normals", row);
+        furniture_offset = columns.number("furniture_offsets", row, -1e300, 1e300);
+        if (!(squared(furniture) > 0)) return;
+        const Vec3 u = any_across(direction), v = cross(direction, u), origin = at - range * direction;
+        const double height = dot(furniture, origin) - furniture_offset, slope = std::tan(half_angle);
+        for (int k = 0; k < RAYS; ++k) {
+            const Vec3 ray = unit(direction + slope * (ALL_RAYS.x[k] * u + ALL_RAYS.y[k] * v));
+            const double cosine = -dot(furniture, ray);
+            if (!(cosine > 1e-3)) continue;
+            furniture_returns[0].add(1.0 / RAYS, height / cosine);
+            furniture_returns[1].add(signal_of(cosine, height / cosine) / RAYS, height / cosine);
+        }
+        furniture_along = height / std::max(-dot(furniture, direction), 1e-3);
     }
 
   private:
     double range = 0, half_angle = 0, least_cosine = 0;
     double of_rays = 0, of_nearest = 0, of_mean = 0, of_strongest = 0;  // probability of each response
+    Vec3 furniture;                // outward normal of furniture in the cone, in the world; zero for none
+    double furniture_offset = 0;   // of its plane along the normal
+    double furniture_along = 0;    // its range along the axis
+    Moments furniture_returns[2];  // what it returns to one ray, by number and by signal
 
     // Whether the response is unknown: a model of its own for each, which all readings of the problem share. So have the
     // weights of a mean: even, or by the returned signal.
@@ -64,7 +116,24 @@ class ConeRange final : public OnSurface {
     void evaluate_rays(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance,
                        Components& out) const;
     double reach(double sd) const { return range + REACH * sd; }
+    Behind behind(const Placement& at, const Vec3& axis, double rays) const;
 };
+
+// What the furniture returns to a number of rays that fill the cone. Its moments are those at the sensed pose, moved with
+// the range along the axis.
+Behind ConeRange::behind(const Placement& at, const Vec3& axis, double rays) const {
+    Behind out;
+    if (!(squared(furniture) > 0)) return out;
+    out.normal = transposed_times(at.R, furniture);
+    out.height = dot(furniture, at.world) - furniture_offset - range * dot(out.normal, axis);
+    const double along = out.range(axis), more = along > 0 ? along - furniture_along : 0;
+    for (int k = 0; k < 2; ++k) {
+        const Moments& one = furniture_returns[k];
+        out.free[k] = {rays * one.weight, rays * (one.first + more * one.weight),
+                       rays * (one.second + 2 * more * one.first + more * more * one.weight)};
+    }
+    return out;
+}
 
 // Adds a component, or its share to an equal one. The variance is that of the noise, and more that does not depend on it.
 void ConeRange::add(const Shape& shape, const ConeEcho& echo, double share, double noise, double more, double negligible,
@@ -99,9 +168,9 @@ void ConeRange::add(const Shape& shape, const ConeEcho& echo, double share, doub
 
 void ConeRange::evaluate(const Placement& at, Components& out) const {
     const double variance = dot(at.m, at.C * at.m);
-    const Cone cone{at.p - range * at.m, at.m, half_angle, least_cosine};
-    Cone widest = cone;
-    widest.half_angle = std::min(half_angle * (1 + 1.74 * EDGE_SD), 1.55);
+    // there was an echo: only the nearest surface must face the device, as other responses weaken with the incidence
+    const Cone cone{at.p - range * at.m, at.m, half_angle, 0};
+    const Cone widest{cone.origin, cone.axis, std::min(half_angle * (1 + 1.74 * EDGE_SD), 1.55), least_cosine};
     const bool all = of_mean + of_strongest > 0;  // surfaces behind the reported range count, too
     const std::vector<int> triangles =
         triangles_in(at.shape, widest, all ? 1e150 : reach(std::sqrt(variance)));
@@ -141,23 +210,31 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
     const size_t first = out.size();
     const Seen seen(at.shape, triangles, cone, u, v);
     thread_local std::vector<RayHit> hits;
-    // few rays are enough while noise is blurred, and where all of them hit one plane
-    const bool blurred = at.blur > 0;
-    hits.clear();
+    Behind other;
     double rays = 1;  // that would fill the cone
-    const auto cast = [&](const RayPattern& pattern, bool whole) {
-        seen.cast(pattern, whole, hits);
-        rays = pattern.count / (whole ? 1.0 : std::max(seen.covered(), 1e-9));
-    };
-    if (blurred || seen.is_one_plane()) cast(SOME_RAYS, true);
-    const bool smooth = seen.is_one_plane() && static_cast<int>(hits.size()) == FEW_RAYS;
-    if (!blurred && !smooth) {
-        // where the part covers less than half of the cone, rays are placed about the part only. The place of a random ray
-        // is known to one cell of the raster, so that few rays suffice; a mean needs all cells
-        const bool whole = seen.covered() > 0.5, mean = of_mean + of_strongest > 0;
-        const RayPattern& first = mean ? ALL_RAYS : SOME_RAYS;
-        cast(first, whole);
-        if (2 * static_cast<int>(hits.size()) < first.count) cast(mean ? DENSE_RAYS : ALL_RAYS, whole);
+    // more rays are cast while the error of their mean is not small beside the noise, furniture that shows beside the part
+    // included. Where the part covers less than half of the cone, they are placed about the part only. The place of a random
+    // ray is known to one cell of the raster, so that few rays suffice; a mean needs all cells
+    const bool whole = seen.covered() > 0.5, mean = of_mean + of_strongest > 0;
+    double error = 0;  // variance of the mean of n hits, over their spread
+    for (const RayPattern* pattern : {&SOME_RAYS, &ALL_RAYS, &DENSE_RAYS}) {
+        if (pattern == &DENSE_RAYS && (!mean || 2 * static_cast<int>(hits.size()) >= RAYS)) break;
+        seen.cast(*pattern, whole, hits);
+        rays = pattern->count / (whole ? 1.0 : std::max(seen.covered(), 1e-9));
+        other = behind(at, cone.axis, rays);
+        const double count = static_cast<double>(hits.size());
+        Moments all;
+        for (const RayHit& hit : hits) {
+            all.add(1, hit.range);
+            if (squared(other.normal) > 0) other.block(unit(hit.along.x * u + hit.along.y * v + hit.along.z * cone.axis));
+        }
+        for (Moments& one : other.free)
+            if (!(one.weight > 0)) one = {};
+        if (hits.empty()) continue;
+        error = seen.is_one_plane() && count == pattern->count ? 0 : RAYS_ERROR * RAYS_ERROR / (count * std::sqrt(count));
+        const Moments free = of_strongest > 0 ? Moments{} : other.free[0];
+        const Moments joint{all.weight + free.weight, all.first + free.first, all.second + free.second};
+        if (2 * count >= pattern->count && error * joint.spread() < RASTER * RASTER * variance) break;
     }
     if (hits.empty()) return;
     const int n = static_cast<int>(hits.size());
@@ -172,40 +249,40 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
         const Vec3 by_axis = turns * (hit.normal - hit.normal.z * hit.along), &m = hit.normal;
         echo.by_origin = (1 / hit.cosine) * (m.x * u + m.y * v + m.z * cone.axis);
         echo.by_axis = by_axis.x * u + by_axis.y * v + by_axis.z * cone.axis;
-        add(at.shape, echo, of_rays / n, variance, cell * cell * tangent2 / rays, at.negligible, first, out);
+        add(at.shape, echo, of_rays / (n + other.free[0].weight), variance, cell * cell * tangent2 / rays, at.negligible, first, out);
     }
-    // The mean of the rays of some faces, which are the hits where face is -1 or that of the triangle; even or by signal.
-    // Its derivative has the same rays hit, and omits that the outline moves: ascents take more steps, samples use none.
-    const auto add_mean = [&](int face, bool by_signal, double share) {
+    // The mean of the rays of some faces, which are the hits where face is -1 or that of the triangle, and of furniture; even
+    // or by signal. A mean over furniture, too, has the probability of the fraction that the part returns, as the rest of the
+    // density is that of furniture alone. Its derivative has the same rays hit, and omits that the outline moves: ascents
+    // take more steps, samples use none.
+    const auto add_mean = [&](int face, bool by_signal, const Moments& beside, double share) {
         ConeEcho mean;
-        mean.range = 0;
-        double sum = 0, squares = 0;
+        Moments own;
         Vec3 by_origin, by_axis;
         int count = 0;
         for (const RayHit& hit : hits) {
             if (face >= 0 && at.shape.faces[hit.triangle] != face) continue;
-            const double weight = by_signal ? hit.cosine / (hit.range * hit.range) : 1.0;
-            sum += weight;
-            mean.range += weight * hit.range;
-            squares += weight * hit.range * hit.range;
+            const double weight = by_signal ? signal_of(hit.cosine, hit.range) : 1.0;
+            own.add(weight, hit.range);
             mean.triangle = hit.triangle;
             ++count;
             if (!at.with_slope) continue;
             by_origin += (weight / hit.cosine) * hit.normal;
             by_axis += (weight * hit.range / (hit.cosine * norm(hit.along))) * (hit.normal - hit.normal.z * hit.along);
         }
-        mean.range /= sum;
-        by_origin = (1 / sum) * by_origin;
-        by_axis = (1 / sum) * by_axis;
+        const Moments all{own.weight + beside.weight, own.first + beside.first, own.second + beside.second};
+        mean.range = all.mean();
+        by_origin = (1 / all.weight) * by_origin;
+        by_axis = (1 / all.weight) * by_axis;
         mean.by_origin = by_origin.x * u + by_origin.y * v + by_origin.z * cone.axis;
         mean.by_axis = by_axis.x * u + by_axis.y * v + by_axis.z * cone.axis;
-        const double spread = std::max(squares / sum - mean.range * mean.range, 0.0);
-        const double error = smooth ? 0 : RAYS_ERROR * RAYS_ERROR / (count * std::sqrt(static_cast<double>(count)));
-        add(at.shape, mean, share, variance, spread * (WEIGHT_SD * WEIGHT_SD + error), at.negligible, out.size(), out);
+        const double raster = error > 0 ? RAYS_ERROR * RAYS_ERROR / (count * std::sqrt(static_cast<double>(count))) : 0;
+        add(at.shape, mean, share * own.weight / all.weight, variance, all.spread() * (WEIGHT_SD * WEIGHT_SD + raster),
+            at.negligible, out.size(), out);
     };
     for (int by_signal = 0; by_signal < 2 && of_mean > 0; ++by_signal) {
         out.model = by_signal;
-        add_mean(-1, by_signal, 0.5 * of_mean);
+        add_mean(-1, by_signal, other.free[by_signal], 0.5 * of_mean);
     }
     if (!(of_strongest > 0)) return;
     struct Surface {
@@ -215,16 +292,17 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
     int faces = 0;
     for (const RayHit& hit : hits) {
         const int face = at.shape.faces[hit.triangle];
-        const double signal = hit.cosine / (hit.range * hit.range);
+        const double signal = signal_of(hit.cosine, hit.range);
         int j = 0;
         while (j < faces && surfaces[j].face != face) ++j;
         if (j == faces) surfaces[faces++] = {face, 0};
         surfaces[j].signal += signal;
     }
-    double most = 0, sum = 0;
+    double most = other.free[1].weight;
     for (int j = 0; j < faces; ++j) most = std::max(most, surfaces[j].signal);
+    double sum = std::pow(other.free[1].weight / most, STRONGER);
     for (int j = 0; j < faces; ++j) sum += surfaces[j].signal = std::pow(surfaces[j].signal / most, STRONGER);
-    for (int j = 0; j < faces; ++j) add_mean(surfaces[j].face, false, of_strongest * surfaces[j].signal / sum);
+    for (int j = 0; j < faces; ++j) add_mean(surfaces[j].face, false, {}, of_strongest * surfaces[j].signal / sum);
 }
 
 // By the distance field: a surface is at the range somewhere in the spot, and the ball that the cone holds is empty.

@@ -71,6 +71,7 @@ struct Placement {
     double blur_turn;   // added to the noise of directions [rad]
     double negligible;  // density below which a component is dropped
     bool with_slope;
+    Vec3 world;         // position in the world, shared errors included
 };
 
 class FaceQueue;

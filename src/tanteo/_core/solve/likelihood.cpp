@@ -79,7 +79,7 @@ void Likelihood::place(const State& state, int j, bool with_slope) {
     for (double& c : C.m) c *= scale;
     for (int i = 0; i < 3; ++i) C(i, i) += factor.extra + blur * blur;
     if (!factor.isotropic) C = turned_into(R, C);
-    placements.push_back({shape, R, own.p, own.m, C, blur, blur_turn, NEGLIGIBLE * problem.mean_rate, with_slope});
+    placements.push_back({shape, R, own.p, own.m, C, blur, blur_turn, NEGLIGIBLE * problem.mean_rate, with_slope, world});
     factor.begin(placements.back(), *components.queue);
 }
 

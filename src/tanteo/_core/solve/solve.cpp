@@ -19,6 +19,7 @@ constexpr double HOPELESS = 16;       // cost gap to the best pose, that of four
 constexpr double COARSE = 1;          // scale in cells of the grid beyond which the triangle nearest to a cell is accurate enough
 constexpr int MARGINAL_STEPS = 4;     // number of Newton steps from the values at the maximum, near which most poses are
 constexpr double QUADRATIC = 0.03;     // gain predicted by a step over which the log density is quadratic, to 0.005
+constexpr double UNEVEN = 0.5;         // gain predicted by a step to which a lower value is unevenness, as of the rays of a cone
 constexpr double ROUGHLY = 0.1;       // gain at which the maximization of a level other than the last ends
 
 void move_errors(const Problem& problem, std::vector<double>& z, const double* step, double share) {
@@ -324,7 +325,10 @@ double marginal(Likelihood& likelihood, const Problem& problem, State& state) {
             State next = state;
             move_errors(problem, next.z, step, share);
             linearize(likelihood, next, 6, there);
-            if (there.value < at.value) continue;
+            if (there.value < at.value) {
+                if (predicted < UNEVEN) break;
+                continue;
+            }
             std::swap(state, next);
             std::swap(at, there);
             return Attempt::TAKEN;
