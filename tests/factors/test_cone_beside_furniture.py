@@ -59,7 +59,7 @@ def test_a_mean_is_between_part_and_table(block, share):
     sensor = over_edge(block, share)
     d, signals, on_part = seen(block, sensor)
     assert d[~on_part].mean() - d[on_part].mean() > 0.03
-    ranges = np.linspace(d.min() - 0.01, d.max() + 0.01, 1000)
+    ranges = np.linspace(d.min() - 0.01, d.max() + 0.01, 150)
     density = density_at(block, "mean", sensor, ranges)
     means = np.array([d.mean(), np.average(d, weights=signals)])
     of_means = density_at(block, "mean", sensor, means)
