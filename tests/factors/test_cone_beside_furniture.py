@@ -1,4 +1,4 @@
-"""Ranges of wide beams that see the part and furniture beside it."""
+"""Ranges of wide beams that contain the part and furniture beside it."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def seen(block, sensor):
 
 
 def over_edge(block, share):
-    """Return a sensor above an edge of the part, of which a share of the cone sees the part."""
+    """Return a sensor above an edge of the part, whose cone has a share of its rays on the part."""
     low, high = block.part.box
     inside, outside = 0.5 * (low[0] + high[0]), high[0] + 0.05
     for _ in range(12):

@@ -40,7 +40,7 @@ class ConeRange(OnSurface):
         max_incidence: largest incidence at which the device detects a surface [rad].
         response: what the device reports of its cone, one of :data:`~tanteo.sensors.presets.RESPONSES`; empty if
             unknown.
-        behind: plane of furniture that most of the cone hits, as unit normal towards the sensor and offset along it in
+        background: plane of furniture that most of the cone hits, as unit normal towards the sensor and offset along it in
             the world ``(4,)`` [m]; None without furniture.
 
     Example:
@@ -58,7 +58,7 @@ class ConeRange(OnSurface):
     half_angle: float
     max_incidence: float = 1.5707
     response: str = ""
-    behind: Vectors | None = None
+    background: Vectors | None = None
 
     @property
     def residual_sd(self) -> float:
@@ -125,7 +125,7 @@ class ConeRange(OnSurface):
         n = np.where(np.sum(n * rays, axis=1, keepdims=True) > 0, -n, n)
         planes = np.column_stack([n, np.sum(n * (origin + d[:, None] * rays), axis=1)])
         _, where, counts = np.unique(np.round(planes, 4), axis=0, return_index=True, return_counts=True)
-        return replace(self, behind=planes[where[counts.argmax()]])
+        return replace(self, background=planes[where[counts.argmax()]])
 
     def _cast(self, surface: Surface) -> tuple[FloatArray, Vectors, Vectors]:
         """Return distances, normals of the surface and directions of the rays that fill the cone."""
@@ -136,11 +136,11 @@ class ConeRange(OnSurface):
 
     def columns(self) -> dict[str, Any]:
         """Return the numbers of the cone, and the probability of each response."""
-        behind = np.zeros(4) if self.behind is None else self.behind
+        background = np.zeros(4) if self.background is None else self.background
         shares = {name: 0.0 for share in SHARES.values() for name in share} | SHARES[self.response]
         return {
             "directions": self.approach, "round_face": False, "ranges": self.range, "half_angles": self.half_angle,
-            "max_incidences": self.max_incidence, "furniture_normals": behind[:3], "furniture_offsets": behind[3],
+            "max_incidences": self.max_incidence, "furniture_normals": background[:3], "furniture_offsets": background[3],
             **shares,
         }  # fmt: skip
 

@@ -40,7 +40,7 @@ struct Moments {
 double signal_of(double cosine, double range) { return cosine / (range * range); }
 
 // Furniture in the cone, as a plane: what it returns to the rays that the part does not block, by number and by signal.
-struct Behind {
+struct Background {
     Vec3 normal;        // in the part frame; zero without furniture
     double height = 0;  // of the origin of the cone
     Moments free[2];    // even, and by signal
@@ -116,13 +116,13 @@ class ConeRange final : public OnSurface {
     void evaluate_rays(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance,
                        Components& out) const;
     double reach(double sd) const { return range + REACH * sd; }
-    Behind behind(const Placement& at, const Vec3& axis, double rays) const;
+    Background background(const Placement& at, const Vec3& axis, double rays) const;
 };
 
 // What the furniture returns to a number of rays that fill the cone. Its moments are those at the sensed pose, moved with
 // the range along the axis.
-Behind ConeRange::behind(const Placement& at, const Vec3& axis, double rays) const {
-    Behind out;
+Background ConeRange::background(const Placement& at, const Vec3& axis, double rays) const {
+    Background out;
     if (!(squared(furniture) > 0)) return out;
     out.normal = transposed_times(at.R, furniture);
     out.height = dot(furniture, at.world) - furniture_offset - range * dot(out.normal, axis);
@@ -210,7 +210,7 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
     const size_t first = out.size();
     const Seen seen(at.shape, triangles, cone, u, v);
     thread_local std::vector<RayHit> hits;
-    Behind other;
+    Background other;
     double rays = 1;  // that would fill the cone
     // more rays are cast while the error of their mean is not small beside the noise, furniture that shows beside the part
     // included. Where the part covers less than half of the cone, they are placed about the part only. The place of a random
@@ -221,7 +221,7 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
         if (pattern == &DENSE_RAYS && (!mean || 2 * static_cast<int>(hits.size()) >= RAYS)) break;
         seen.cast(*pattern, whole, hits);
         rays = pattern->count / (whole ? 1.0 : std::max(seen.covered(), 1e-9));
-        other = behind(at, cone.axis, rays);
+        other = background(at, cone.axis, rays);
         const double count = static_cast<double>(hits.size());
         Moments all;
         for (const RayHit& hit : hits) {
