@@ -140,8 +140,8 @@ class ConeRange(OnSurface):
         shares = {name: 0.0 for share in SHARES.values() for name in share} | SHARES[self.response]
         return {
             "directions": self.approach, "round_face": False, "ranges": self.range, "half_angles": self.half_angle,
-            "max_incidences": self.max_incidence, "furniture_normals": background[:3], "furniture_offsets": background[3],
-            **shares,
+            "max_incidences": self.max_incidence, "furniture_normals": background[:3],
+            "furniture_offsets": background[3], **shares,
         }  # fmt: skip
 
     @classmethod
