@@ -40,8 +40,8 @@ class ConeRange(OnSurface):
         max_incidence: largest incidence at which the device detects a surface [rad].
         response: what the device reports of its cone, one of :data:`~tanteo.sensors.presets.RESPONSES`; empty if
             unknown.
-        background: plane of furniture that most of the cone hits, as unit normal towards the sensor and offset along it in
-            the world ``(4,)`` [m]; None without furniture.
+        background: plane of furniture that most of the cone hits, as unit normal towards the sensor and offset along it
+            in the world ``(4,)`` [m]; None without furniture.
 
     Example:
         >>> from tanteo.factors.cone_range import ConeRange
