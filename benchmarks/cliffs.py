@@ -28,7 +28,7 @@ from common import Table
 
 import tanteo
 from tanteo.geometry import SE3, SO3
-from tanteo.parts import Surface
+from tanteo.parts import Surface, round_features
 from tanteo.posterior import DEFAULTS
 from tanteo.posterior import Table as TablePrior
 from tanteo.sensors.noise import cone_rays
@@ -174,6 +174,27 @@ def zones(frames):
     return located
 
 
+def centres(k):
+    """Locate a flange by one to nine centres of its holes, and four touches of its face in every other scene."""
+    part, rng = tanteo.read_part(ROOT / "examples" / "parts" / "flange.step"), np.random.default_rng(k)
+    holes = [one for one in round_features(part) if one.hole]
+    some = [holes[i] for i in rng.permutation(len(holes))[: 5 + k % 5 - 4 * (k % 2)]]
+    c = np.array([one.ends[0] + rng.random() * (one.ends[1] - one.ends[0]) for one in some])
+    rows = rng.choice(
+        np.flatnonzero(part.triangle_face == part.planes.faces[np.argmax(part.planes.areas)]), 4 * (k % 2)
+    )
+    on_face = np.einsum("nk,nki->ni", rng.dirichlet([1, 1, 1], len(rows)), part.vertices[part.triangles[rows]])
+    T = SE3.from_parts(SO3.exp(rng.normal(size=3)), rng.uniform(-0.2, 0.2, 3))
+    points = SE3.apply(T, np.concatenate([c, on_face]))
+    readings = tanteo.Readings.from_columns(
+        points=points + 2e-5 * rng.normal(size=points.shape), sds=np.full(len(points), 2e-5),
+        kinds=["centre"] * len(c) + ["point"] * len(rows), features=[f"h{i}" for i in range(len(c))] + [""] * len(rows),
+    )  # fmt: skip
+    start = time.process_time()
+    answer = tanteo.locate(readings, part)
+    return 1e3 * (time.process_time() - start), answer.status != "unknown", answer.status
+
+
 @dataclass(frozen=True)
 class Row:
     """Scenes of one kind, their number, and the aim of the median and of the peak of memory [ms, MB]."""
@@ -228,6 +249,7 @@ ROWS = {
     ),
     "one frame of 8 x 8 zones on a table": Row(zones(1), 4, 500),
     "five frames of 8 x 8 zones on a table": Row(zones(5), 3, 3000),
+    "centres of holes, 5 to 9 readings": Row(centres, 10, 1000),
     "first call, 327,000 facets": Row(first_call(286), 1, 2000, 400),
     "first call, STL file of 109 MB": Row(first_call(738), 1, 10_000, 1000),
 }

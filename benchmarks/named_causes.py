@@ -2,8 +2,8 @@
 
 An example part at a random pose is touched 8, 12 or 20 times. Each kind has a misfit that is neither an offset nor a
 scale of the world: more noise than stated, heavy tails, outliers, a bent part; the last has stock on its faces. The
-table has the number of scenes whose answer is not ``recognized``, and of those in which an offset, stock by face, a
-scale or wrong directions are named.
+table has the number of scenes whose answer is not ``recognized``, and of those in which an offset, stock by face,
+offsets of groups (every third scene has a column ``group``), a scale or wrong directions are named.
 """
 
 from __future__ import annotations
@@ -60,12 +60,16 @@ def run_one(kind, seed, k):
         faces = np.unique(np.round(d, 1), axis=0, return_inverse=True)[1].ravel()
         points -= rng.uniform(0, 3e-3, faces.max() + 1)[faces][:, None] * d
     aimed = {"directions": d} if k % 2 or kind == "stock to 3 mm" else {}
+    if k % 3 == 0:  # passes without offsets of their own
+        aimed["groups"] = [f"pass {j % (2 + k % 2)}" for j in range(n)]
     readings = tanteo.Readings.from_columns(points=points, sds=np.full(n, SD), **aimed)
     answer = tanteo.locate(readings, part)
     kinds = {"offset": OffsetQuestion, "scale": ScaleQuestion, "directions": DirectionsConvention}
     named = {name: any(isinstance(one, cls) for one in answer.findings) for name, cls in kinds.items()}
     stock = any(isinstance(one, OffsetQuestion) and bool(one.faces) for one in answer.findings)
-    return {"status": answer.status, "stock": stock} | named | {"offset": named["offset"] and not stock}
+    groups = any(isinstance(one, OffsetQuestion) and bool(one.groups) for one in answer.findings)
+    of_all = {"offset": named["offset"] and not stock and not groups}
+    return {"status": answer.status, "stock": stock, "groups": groups} | named | of_all
 
 
 def normals_at(part, T, points):
@@ -82,10 +86,18 @@ def main():
     out = []
     for kind in kinds:
         rows = run_cases(run_one, [(kind, seed, k) for k in range(scenes)], keep, processes)
-        named = [str(sum(row[name] for row in rows)) for name in ("offset", "stock", "scale", "directions")]
+        named = [str(sum(row[name] for row in rows)) for name in ("offset", "stock", "groups", "scale", "directions")]
         out.append((kind, str(sum(row["status"] != "recognized" for row in rows)), *named))
         print(*out[-1], sep="\t", flush=True)
-    columns = ("kind", "not recognized", "offset named", "stock named", "scale named", "directions named")
+    columns = (
+        "kind",
+        "not recognized",
+        "offset named",
+        "stock named",
+        "groups named",
+        "scale named",
+        "directions named",
+    )
     print(Table("Causes named where they are absent", f"{scenes} scenes a row, seed {seed}.", columns, out).markdown())
 
 

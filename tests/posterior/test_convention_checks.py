@@ -93,7 +93,8 @@ def test_noise_is_no_offset_and_no_scale(blocks, noise, seeds):
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         points, normals = touches(blocks[seed % 3], rng, n=12)
-        answer = identified(blocks, points + noise * SD * rng.normal(size=points.shape), directions=-normals)
+        points, groups = points + noise * SD * rng.normal(size=points.shape), ["first", "second"] * 6
+        answer = identified(blocks, points, directions=-normals, groups=groups)
         assert not [one for one in answer.findings if isinstance(one, (OffsetQuestion, ScaleQuestion))]
 
 
