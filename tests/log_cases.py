@@ -218,6 +218,15 @@ CASES = {
         "words", "".join(f"P{k}, X={x}, Y={y}, Z={z}, I={i}, J={j}, K={c}\n"
                          for k, (x, y, z, i, j, c) in enumerate(np.c_[P, UP].tolist(), start=1)), MM,
     ),
+    "report in German of blanks": (
+        "report", axis_rows("AX    NENNWERT +TOL -TOL MESS ABW", "{1}  1.0 0.1 0.1 {2} 0.0"), MM,
+    ),
+    "report with the axis first": ("report", axis_rows("Merkmal;Istwert;Nennwert", "{1}-Wert_{0};{2};1.0"), MM),
+    "report of words in its header": (
+        "report", axis_rows("Name    Measured value   Nominal value", "{1}-Value   {2}   1.0"), MM,
+    ),
+    "words of values": ("words", words("X-WERT: {1:+.3f} Y-WERT: {2:+.3f} Z-WERT: {3:+.3f}"), MM),
+    "csv in GBK": ("csv", ("X实测值,Y实测值,Z实测值\n" + rows(P, ",")).encode("gbk"), MM),
     "words with numbered axes": ("words", words("X1={1:.3f} Y1={2:.3f} Z1={3:.3f}"), MM),
     "words with units": ("words", words("X: {1:.3f} mm, Y: {2:.3f} mm, Z: {3:.3f} mm"), {}),
     "words of an I++ session": (

@@ -23,14 +23,13 @@ from tanteo.io.logs.log import Log, counted
 from tanteo.io.logs.round_features import Feature, log_of
 from tanteo.io.logs.value_words import BESIDE, LENGTH_UNITS, MEASURED, NOMINAL, VALUE, plain, stated_unit
 
-_MARKS = ("\t", ";", "|", ",", "")
-"""Delimiters in the order in which they are tried; the last one is any blank."""
+_MARKS = ("\t", ";", "|", ",", "  ", "")
+"""Delimiters in the order in which they are tried; the last ones are two blanks or more, and any blank."""
 _OF_MEASURED = re.compile(rf"(?:{MEASURED}|real)(?:[\s_-]*{VALUE})?(?:[\s_]*[\[(].{{0,9}}[\])])?")
 _OF_VALUES = re.compile(rf"[+-]?\s*(?:{NOMINAL}|{BESIDE}|(?:upper|lower|low|high|out)[\s_]?tol\w*)(?:[\s_-]*{VALUE})?")
-_AXIS = re.compile(
-    r"(?:(.*?)[\s._:/-]+)?([xyz])(?:[\s._-]*(?:posn?|position|coord\w*|koord\w*|axis|achse|axe|eje|asse|座標|坐标|"
-    rf"{VALUE}))?"
-)
+_PLACE = rf"(?:posn?|position|coord\w*|koord\w*|axis|achse|axe|eje|asse|座標|坐标|{VALUE})"
+_AXIS = re.compile(rf"(?:(.*?)[\s._:/-]+)?([xyz])(?:[\s._-]*{_PLACE})?")
+_AXIS_FIRST = re.compile(rf"([xyz])[\s._-]*{_PLACE}[\s._:/-]+(.+)")
 _DIAMETER = re.compile(r"(?:(.*?)[\s._:/-]+)?(?:d|df|dm|dia|diam\w*|durchm\w*|ø|⌀|直径)(?:[\s._-]*(?:value|wert))?")
 _NO_PLACE = re.compile(rf"(?:.*[\s._:-])?(?:{BESIDE}|{NOMINAL}|n|nx|normal|dir\w*|vec\w*)")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
@@ -69,7 +68,7 @@ class _Row:
         axis: ``x``, ``y``, ``z`` or ``d``.
         value: measured value.
         cells: other cells.
-        prefix: text before the axis in its cell.
+        prefix: text beside the axis in its cell.
         block: number and text of the last line that is no row.
         width: number of cells of the line.
     """
@@ -142,8 +141,8 @@ def _rows(lines: Sequence[str]) -> tuple[list[_Row], int]:
 
 def _cells(line: str, mark: str) -> list[str]:
     """Return the cells of a line without surrounding blanks and quotation marks."""
-    if not mark:
-        return line.split()
+    if not mark.strip(" "):
+        return re.split(r"\s{2,}", line.strip()) if mark else line.split()
     row = next(csv.reader([line.strip("|") if mark == "|" else line], delimiter=mark), [])
     return [cell.strip().strip('"') for cell in row]
 
@@ -157,10 +156,10 @@ def _header(line: str) -> _Header | None:
         measured = [k for k, cell in enumerate(cells) if _OF_MEASURED.fullmatch(cell)]
         if len(cells) < 3 or len(measured) != 1 or any(number(cell) == number(cell) for cell in cells):
             continue
-        if mark:
+        if mark.strip(" "):
             return _Header(mark, measured[0])
         first = next(k for k, cell in enumerate(cells) if k == measured[0] or _OF_VALUES.fullmatch(cell))
-        return _Header(mark, measured[0] - first)
+        return _Header("", measured[0] - first)
     return None
 
 
@@ -170,7 +169,7 @@ def _row(header: _Header, k: int, line: str, block: tuple[int, str]) -> _Row | b
     names = [_axis(cell) for cell in cells]
     index = header.measured
     if not header.mark:
-        bare = [len(cell) == 1 and name is not None for cell, name in zip(cells, names, strict=True)]
+        bare = [name is not None and not name[1] for name in names]
         at = bare.index(True) if True in bare else -1
         index += at + 1
     else:
@@ -189,13 +188,15 @@ def _row(header: _Header, k: int, line: str, block: tuple[int, str]) -> _Row | b
 
 
 def _axis(cell: str) -> tuple[str, str] | None:
-    """Return the axis, or ``d`` for a diameter, that a cell names, and the text before it; None for other cells."""
+    """Return the axis, or ``d`` for a diameter, that a cell names, and the text beside it; None for other cells."""
     text = plain(cell)
     if len(text) > 100:
         return None
     if match := _AXIS.fullmatch(text):
         prefix = match[1] or ""
         return None if _NO_PLACE.fullmatch(prefix) else (match[2], cell[: len(prefix)])
+    if match := _AXIS_FIRST.fullmatch(text):
+        return match[1], match[2]
     match = _DIAMETER.fullmatch(text)
     return None if match is None else ("d", cell[: len(match[1] or "")])
 

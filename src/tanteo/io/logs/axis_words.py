@@ -19,12 +19,13 @@ from tanteo.io.logs.table_text import find_header
 from tanteo.io.logs.value_words import LENGTH_UNITS
 
 _VALUE = r"([-+]?) *(\d+(?:\.\d*|,\d+)?|\.\d+)(?![\d.]|[eE][-+]?\d)"
-_AXIS = r"(?:[ _-]?(?:axis|achse|act(?:ual)?|ist|meas(?:ured)?|pos(?:ition)?))?"
+_AXIS = r"(?:[ _-]?(?:axis|achse|act(?:ual)?|ist|meas(?:ured)?|pos(?:ition)?|wert|value))?"
 _UNIT = r"(?:[ \t]*(mm|inch|in|um|m)(?![A-Za-z]))?"
 _WORD = re.compile(
-    rf"(?<![A-Za-z_])([XYZIJK])(?:\d[ \t]*[:=]|\][ \t]*=|{_AXIS}[ \t]*[:=]?)[ \t]*{_VALUE}{_UNIT}", re.IGNORECASE
+    rf"(?<![A-Za-z_])([XYZIJK])(?:\d[ \t]*[:=]|\][ \t]*=|{_AXIS}[ \t]*[:=]?)[ \t]*{_VALUE}{_UNIT}(?![ \t]+[-+.]?\d)",
+    re.IGNORECASE,
 )
-_CODE = re.compile(r"(?<![A-Za-z])[GM]\d|(?<![A-Za-z])(?:FMAX|R[0LR])(?![A-Za-z])|BEGIN PGM", re.IGNORECASE)
+_CODE = re.compile(r"(?<![A-Za-z])[GM]\d|\bFMAX\b|^\s*\d+ L [XYZ]|BEGIN PGM", re.IGNORECASE)
 _CALL = re.compile(r"(?<![A-Za-z])([XYZ])\(([^()]*)\)|IJK\(([^(),]*),([^(),]*),([^(),]*)\)")
 """Words of I++ DME, ``X(1.5), Y(2), Z(3), IJK(0,0,1)``; only answers (``#``) are measured."""
 _COMMAND = re.compile(r"^\d{5} (?![#])")

@@ -23,11 +23,17 @@ _ROWS = 3
 """Smallest number of rows that show how many decimals a program writes."""
 _DECIMALS = re.compile(r"[-+]?\d*(?:[.,](\d*))?", re.ASCII)
 
+_OTHERS = ("cp932", "gb18030", "cp949", "cp1251", "cp1250")
+"""Encodings that are tried if a text is no UTF-8; one is chosen if a word for measured values shows it."""
+_MEASURED = re.compile(r"実測|測定|实测|测定|测量|측정|실측|изм|факт|naměřen|zmierzon|mért")
+
 _MARKS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 
 
 def encoding_of(data: bytes, *, whole: bool = True) -> str | None:
-    """Return the encoding of a text: by its byte-order mark, else UTF-8, UTF-16 or Windows-1252; None if binary.
+    """Return the encoding of a text: by its byte-order mark, else UTF-8, UTF-16, Windows-1252; None if binary.
+
+    Other encodings are recognized by a word for measured values.
 
     Args:
         data: bytes of the text.
@@ -45,8 +51,16 @@ def encoding_of(data: bytes, *, whole: bool = True) -> str | None:
         data.decode("utf-8")
     except UnicodeDecodeError as error:
         if whole or error.start < len(data) - 4:
-            return "cp1252"
+            return next((name for name in _OTHERS if _MEASURED.search(_decoded(data, name))), "cp1252")
     return "utf-8"
+
+
+def _decoded(data: bytes, encoding: str) -> str:
+    """Return the text of bytes in small letters; empty if they are not in the encoding."""
+    try:
+        return data[: data.rfind(b"\n") + 1 or None].decode(encoding).lower()
+    except UnicodeDecodeError:
+        return ""
 
 
 @dataclass(frozen=True)

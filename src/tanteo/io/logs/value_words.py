@@ -9,14 +9,14 @@ import re
 from unicodedata import combining, normalize
 
 MEASURED = "|".join((
-    "actual", "act", "measured", "measure", "meas", "mea", "istwert", "ist", "gemessen", "messwert", "mesurees?",
-    "medid[oa]s?", "misurat[oaie]", "gemeten", "zmierzon[aey]", "uppmatt", "namereno", "namerena", "zmerena", "mert",
-    "olculen", "mitattu", r"изм(?:ерен\w*)?", r"факт(?:ич\w*)?", "実測", "实测", "測定", "测定", "測量", "测量", "측정",
+    "actual", "act", "measured", "measure", "meas", "mea", "istwert", "ist", "gemessen", "messwert", "mess",
+    "mesuree?s?", "medid[oa]s?", "misurat[oaie]", "gemeten", "zmierzon[aey]", "uppmatt", "namereno", "namerena",
+    "zmerena", "mert", "olculen", "mitattu", r"изм(?:ерен\w*)?", r"факт(?:ич\w*)?", "実測", "实测", "測定", "测定", "測量", "测量", "측정",
     "실측",
 ))  # fmt: skip
 """Pattern of words for measured values, in eighteen languages."""
 NOMINAL = (
-    r"nom\w*|soll\w*|theo\w*|teor\w*|jmen\w*|ном\w*|теор\w*|nevleges|ref\w*|cad|target|tavoite|設計|名义|理论|公称"
+    r"nom\w*|soll\w*|theo\w*|teor\w*|jmen\w*|nenn\w*|ном\w*|теор\w*|nevleges|ref\w*|cad|target|tavoite|設計|名义|理论|公称"
     r"|공칭|설계"
 )
 """Pattern of words for nominal values."""
