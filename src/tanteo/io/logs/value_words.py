@@ -11,8 +11,8 @@ from unicodedata import combining, normalize
 MEASURED = "|".join((
     "actual", "act", "measured", "measure", "meas", "mea", "istwert", "ist", "gemessen", "messwert", "mess",
     "mesuree?s?", "medid[oa]s?", "misurat[oaie]", "gemeten", "zmierzon[aey]", "uppmatt", "namereno", "namerena",
-    "zmerena", "mert", "olculen", "mitattu", r"изм(?:ерен\w*)?", r"факт(?:ич\w*)?", "実測", "实测", "測定", "测定", "測量", "测量", "측정",
-    "실측",
+    "zmerena", "mert", "olculen", "mitattu", r"изм(?:ерен\w*)?", r"факт(?:ич\w*)?",
+    "実測", "实测", "測定", "测定", "測量", "测量", "측정", "실측",
 ))  # fmt: skip
 """Pattern of words for measured values, in eighteen languages."""
 NOMINAL = (
