@@ -16,7 +16,7 @@ MEASURED = "|".join((
 ))  # fmt: skip
 """Pattern of words for measured values, in eighteen languages."""
 NOMINAL = (
-    r"nom\w*|soll\w*|theo\w*|teor\w*|jmen\w*|nenn\w*|ном\w*|теор\w*|nevleges|ref\w*|cad|target|tavoite|設計|名义|理论|公称"
+    r"nom(?:inal\w*)?|soll\w*|theo\w*|teor\w*|jmen\w*|nenn\w*|ном\w*|теор\w*|nevleges|ref\w*|cad|target|tavoite|設計|名义|理论|公称"
     r"|공칭|설계"
 )
 """Pattern of words for nominal values."""
