@@ -109,6 +109,7 @@ def test_an_unknown_object_has_no_pose_at_all(run):
     ("words", "message"),
     [
         (("--as", "kukka"), "Did you mean 'kuka'?"),
+        (("--as", "siemens"), "Use --wcs siemens:G54."),
         (("--wcs", "G60"), "--wcs: expected G54 to G59.3"),
         (("--as", "ur", "--wcs", "G54"), "expected one of the two, got both"),
         (("--best-guess",), "--best-guess: expected with --as or --wcs"),

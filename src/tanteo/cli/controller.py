@@ -31,7 +31,14 @@ def _controller(text: str) -> str:
     try:
         return io.poses.check_pose_name(text)
     except InputError as error:
-        raise MisuseError(f"--as: {error}") from None
+        try:
+            frame = io.poses.parse_work_frame(text)
+        except InputError:
+            raise MisuseError(f"--as: {error}") from None
+        raise MisuseError(
+            f"--as: expected a controller that reads poses, got '{text}', which has work frames. Use --wcs "
+            f"{frame.controller}:{frame.slot}."
+        ) from None
 
 
 def _work_frame(text: str) -> WorkFrame:

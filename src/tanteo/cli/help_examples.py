@@ -30,7 +30,7 @@ tanteo sense plane --scene examples/scenes/bracket.toml""",
     "part.show": """\
 tanteo part show examples/parts/wedge.step""",
     "sensor.show_preset": """\
-tanteo sensor show vl53l5cx""",
+tanteo sensor show vl53l1x""",
     "sensor.fit": """\
 tanteo sensor fit examples/readings/plane_log.csv \\
     --rig examples/readings/tof_rig.toml""",
