@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from rendered import table_camera
+from rendered import rendered_slab, table_camera
 from tanteo.errors import InputError, MissingExtraError
 from tanteo.geometry import SE3, SO3
 from tanteo.io import read_camera, read_image, read_marks
@@ -212,6 +212,26 @@ def test_a_pose_is_proposed_beside_a_local_maximum():
     _, ((_, Ts),), _ = proposed_anywhere([View(image, camera)], edges, [prepare_vision(part)], Weights())
     middle = SE3.apply(SE3.inverse(posed.T_world_camera) @ T, part.centroid)
     assert np.linalg.norm(SE3.apply(Ts, part.centroid) - middle, axis=1).min() < 2e-3
+
+
+def test_texture_makes_few_regions(models):
+    image = np.full((480, 640), 120.0)
+    for row in range(200, 300, 30):
+        for column in range(260, 400, 30):  # twenty squares, four of which are around each
+            image[row : row + 14, column : column + 14] = 170.0
+    image = cv2.GaussianBlur(image, (0, 0), 0.8) + np.random.default_rng(1).normal(0, 1.5, image.shape)
+    assert 0 < len(shot_of(View(image, table_camera()), models, np.eye(4), TableErrors()).regions) <= 8
+
+
+def test_an_object_that_no_part_resembles_has_no_hypothesis(models):
+    camera = table_camera()
+    turns = 2 * np.pi * (np.arange(5) + 0.5) / 5
+    slab = rendered_slab(0.03 * np.stack([np.cos(turns), np.sin(turns)], axis=1), 0.01, np.eye(4), 60.0)
+    image, _ = render(Stage(camera, [slab]), np.random.default_rng(2))
+    (seen,) = see_table(image, camera, models[:1]).objects
+    assert seen.answer.status == "unknown"
+    assert seen.answer.hypotheses == ()
+    assert seen.answer.unknown_probability > 0.5
 
 
 def test_an_image_of_noise_shows_no_part(models):

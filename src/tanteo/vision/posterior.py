@@ -249,6 +249,8 @@ def infer(
 ) -> ImagePosterior:
     """Return the posterior of the object that images show.
 
+    Parts that are all together less probable than a true pose that was not proposed have no modes.
+
     Args:
         images: edges of the images; their ``log_unknown`` is that of an unknown object.
         proposals: candidate parts, with poses ``T_world_part`` from which maximizations start.
@@ -269,21 +271,26 @@ def infer(
     anywhere = float(np.log(problem.priors.unknown)) + unknown
     least = float(log_sum([anywhere, *evidence])) + float(np.log(DEFAULTS.samples.region))
     likely = [s for s, own in zip(searches, evidence, strict=True) if own > least or own == evidence.max()]
-    images, found = resampled(
-        images, problem, likely, lying,
-        prior=prior, anywhere=anywhere, log_left_out=log_left_out(evidence, unknown + known),
-    )  # fmt: skip
-    modes, log_evidence = _weighed(images, found, lying, prior)
-    log_left = float(np.log(found.unsearched)) + found.log_evidence if found.unsearched else -np.inf
-    left = float(np.exp(log_left - log_evidence))
-    none = float(np.exp(np.log(found.unknown) + found.log_evidence - log_evidence)) if found.unknown else 0.0
+    excluded = log_left_out(evidence, unknown + known)
+    total = float(log_sum([anywhere, excluded, *evidence]))
+    modes: tuple[Mode, ...] = ()
+    log_known, none = float(log_sum(evidence)), float(np.exp(log_sum([anywhere, excluded]) - total))
+    left = float(np.exp(excluded - total))
+    if log_known > anywhere + np.log(EVIDENCE.missed):  # otherwise samples would change no answer
+        images, found = resampled(
+            images, problem, likely, lying, prior=prior, anywhere=anywhere, log_left_out=excluded
+        )  # fmt: skip
+        modes, log_evidence = _weighed(images, found, lying, prior)
+        log_left = float(np.log(found.unsearched)) + found.log_evidence if found.unsearched else -np.inf
+        left = float(np.exp(log_left - log_evidence))
+        none = float(np.exp(np.log(found.unknown) + found.log_evidence - log_evidence)) if found.unknown else 0.0
+        log_known = float(log_sum([mode.log_mass for mode in modes]))
     # if none of the poses holds, the object is unknown, or the proposals missed the true pose
     strange = problem.priors.unknown / (problem.priors.unknown + (1 - problem.priors.unknown) * EVIDENCE.missed)
-    log_known = float(log_sum([mode.log_mass for mode in modes])) - known
     first, *others = images
     proposed = {part: at for part, (at, _) in (first.levels or {}).items()}
     return ImagePosterior(
-        modes, strange * (none - left) + left, left, left_out, unknown, log_known,
+        modes, strange * (none - left) + left, left, left_out, unknown, log_known - known,
         (replace(first, proposed=proposed), *others),
     )  # fmt: skip
 

@@ -240,7 +240,8 @@ def shot_of(view: View, parts: Sequence[Any], T_world_table: Transforms, errors:
 def _alone(regions: Sequence[Region], points: EdgePoints, chance: FloatArray) -> tuple[Region, ...]:
     """Return the regions with enough rare edges for an object, their own or those beside them, and the largest.
 
-    A larger region beside one of few own edges proposes for it. Texture makes regions without any.
+    Texture makes many regions of few edges. The edges around one region count for no further one, unless they are its
+    own.
 
     Args:
         regions: regions of the image, largest first.
@@ -248,13 +249,16 @@ def _alone(regions: Sequence[Region], points: EdgePoints, chance: FloatArray) ->
         chance: probability of a random edge like each ``(n,)``.
     """
     kept: list[Region] = []
+    around = np.zeros(points.shape, dtype=np.bool_)
     for region in regions:
+        near = surroundings(region)
         own, beside = (
             edge_information(points, chance, mask) >= EVIDENCE.least_object
-            for mask in (dilated(region.mask), surroundings(region))
+            for mask in (dilated(region.mask), near & ~around)
         )
-        if own or not kept or (beside and not np.all(hulls(kept)[region.mask])):
+        if own or not kept or beside:
             kept.append(region)
+            around |= near
     return tuple(kept)
 
 
