@@ -27,7 +27,7 @@ from tanteo.vision.models import VisionModel, prepare_vision
 from tanteo.vision.outlines import check_size, narrowed, seen_outline
 from tanteo.vision.posterior import ImagePosterior, infer
 from tanteo.vision.propose import edge_costs
-from tanteo.vision.regions import Region, dilated, find_regions, hulls, silhouette, surroundings
+from tanteo.vision.regions import Region, dilated, find_regions, silhouette, surroundings
 from tanteo.vision.rims import name_ellipses
 from tanteo.vision.settings import EDGES, EVIDENCE
 from tanteo.vision.shots import Shot, image_candidates, same_objects
