@@ -249,16 +249,16 @@ def _alone(regions: Sequence[Region], points: EdgePoints, chance: FloatArray) ->
         chance: probability of a random edge like each ``(n,)``.
     """
     kept: list[Region] = []
-    around = np.zeros(points.shape, dtype=np.bool_)
+    covered = np.zeros(points.shape, dtype=np.bool_)
     for region in regions:
         near = surroundings(region)
         own, beside = (
             edge_information(points, chance, mask) >= EVIDENCE.least_object
-            for mask in (dilated(region.mask), near & ~around)
+            for mask in (dilated(region.mask), near & ~covered)
         )
         if own or not kept or beside:
             kept.append(region)
-            around |= near
+            covered |= near
     return tuple(kept)
 
 
