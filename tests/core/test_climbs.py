@@ -35,7 +35,7 @@ def test_a_climb_never_ends_lower(name, kind):
     before = _core.log_densities(body.shape(), q.core(), Ts, zs)
     last = before
     for steps in (1, 2, 5, 20):
-        *_, logs, _, rows = maximized(body, q, Ts, zs, steps)
+        _, _, logs, *_, rows = maximized(body, q, Ts, zs, steps)
         assert np.array_equal(rows, np.arange(len(Ts)))
         assert np.all(logs >= last - 1e-9)
         last = logs
@@ -62,7 +62,7 @@ def test_a_climb_ends_where_the_density_is_flat(name):
     T = random_pose(rng)
     q, _ = touched(body, T, 30, 3e-4, rng, outliers=0.0)
     Ts = np.stack([near_pose(T, rng, 2e-4, 4e-3) for _ in range(8)])
-    Ts, zs, logs, information, _ = maximized(body, q, Ts, np.zeros((8, 0)))
+    Ts, zs, logs, information, *_ = maximized(body, q, Ts, np.zeros((8, 0)))
     gradient = differences(body.shape(), q.core(), Ts, zs)
     gain = np.einsum("si,sij,sj->s", gradient, np.linalg.inv(information), gradient)
     assert np.median(gain) < 1e-6
@@ -76,6 +76,22 @@ def test_climbs_far_below_the_best_are_stopped():
     far = near_pose(T, rng, 0.5, 1.0)
     *_, rows = _core.maximize(body.shape(), q.core(), np.stack([far, T]), np.zeros((2, 0)), NO_BLUR, 20, 1e-3, 30.0)
     assert list(rows) == [1]
+
+
+def test_starts_that_lead_to_one_maximum_are_climbed_once():
+    body, rng = FLAT["block"], np.random.default_rng(3)
+    T = random_pose(rng)
+    q, _ = touched(body, T, 20, 2e-3, rng, outliers=0.0)
+    Ts = np.stack([near_pose(T, rng, 1e-3, 0.01) for _ in range(8)])
+    every = maximized(body, q, Ts, np.zeros((8, 0)))[2]
+    _, _, logs, _, who, rows = _core.maximize(
+        body.shape(), q.core(), Ts, np.zeros((8, 0)), NO_BLUR, 60, 1e-9, 1e6, near=1.0
+    )
+    assert len(every) == 8
+    assert len(logs) == len(rows) < 8
+    assert logs.max() == pytest.approx(every.max(), abs=1e-6)
+    np.testing.assert_array_equal(who[rows], np.arange(len(rows)))
+    assert (who >= 0).all()
 
 
 @pytest.mark.parametrize("D", [1, 2])

@@ -147,7 +147,8 @@ def maximize(
     steps: int,
     enough: float,
     margin: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, Indices]: ...
+    near: float = 0.0,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, Indices, Indices]: ...
 def marginals(
     shape: Shape,
     problem: Problem,

@@ -389,26 +389,30 @@ std::tuple<Out, Out, OutInts, Out, Out> refined(const Shape& shape, const Proble
             array_of(std::move(distances), {S, n})};
 }
 
-// Maxima: poses, shared errors, log densities, informations about the centre, and the start that led to each.
+// Maxima: poses, shared errors, log densities, informations about the centre, the maximum to which each start led or -1, and
+// the start of each maximum.
 nb::tuple maximized(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs, Doubles blurs, int steps,
-                  double enough, double margin) {
+                  double enough, double margin, double near) {
     const std::vector<State> starts = states(Ts, zs, problem);
     const std::vector<double> coarse = doubles(blurs, "blurs", {ANY});
     for (const double blur : coarse) expect(blur, "blurs", 0, 1e300);
     expect(steps, "steps", 0, 1e9);
     expect(enough, "enough", 0, 1e300);
     expect(margin, "margin", 0, 1e300);
+    expect(near, "near", 0, 1e300);
     std::vector<Maximum> found;
     {
         nb::gil_scoped_release release;
-        found = maximize_all(shape, problem, starts, coarse, steps, enough, margin);
+        found = maximize_all(shape, problem, starts, coarse, steps, enough, margin, near);
     }
     const size_t S = found.size(), K = problem.size();
     std::vector<Pose> at(S);
     std::vector<State> all(S);
     std::vector<double> logs(S), informations(S * K * K);
-    std::vector<int32_t> from(S);
+    std::vector<int32_t> from(S), who(starts.size(), -1);
     for (size_t k = 0; k < S; ++k) {
+        who[found[k].from] = static_cast<int32_t>(k);
+        for (const int other : found[k].also) who[other] = static_cast<int32_t>(k);
         all[k] = found[k].state;
         at[k] = found[k].state.pose;
         logs[k] = found[k].at.value;
@@ -416,7 +420,7 @@ nb::tuple maximized(const Shape& shape, const Problem& problem, Doubles Ts, Doub
         symmetric(found[k].at.information, static_cast<int>(K), &informations[k * K * K]);
     }
     return nb::make_tuple(poses_out(at), shared_out(all, K - 6), list_of(std::move(logs)),
-                          array_of(std::move(informations), {S, K, K}), list_of(std::move(from)));
+                          array_of(std::move(informations), {S, K, K}), list_of(std::move(who)), list_of(std::move(from)));
 }
 
 // log densities of poses with shared errors and noise scale integrated out, and the best values of these
@@ -617,7 +621,7 @@ NB_MODULE(native, m) {
     m.def("refine_poses", &refined, "shape"_a, "problem"_a, "rows"_a, "scales"_a, "poses"_a,
           "offset_sd"_a = 0.0, "with_distances"_a = false, "known"_a = 1e300);
     m.def("maximize", &maximized, "shape"_a, "problem"_a, "poses"_a, "shared"_a, "blurs"_a, "steps"_a, "enough"_a,
-          "margin"_a);
+          "margin"_a, "near"_a = 0.0);
     m.def("marginals", &marginals, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("place", &placed, "poses"_a, "offsets"_a, "centre"_a);
     m.def("offsets", &offsets, "base"_a, "poses"_a, "centre"_a);

@@ -15,6 +15,7 @@ namespace {
 constexpr double LARGEST_TURN = 0.2;  // largest turn of one step [rad]
 constexpr size_t ROUGH_POINTS = 24;   // number of points while noise is blurred: more do not improve the choice of a maximum
 constexpr int FIRST_STEPS = 6;        // steps until maxima are compared
+constexpr int UNITED_STEPS = 2;       // steps after which maxima that are near each other become one
 constexpr double HOPELESS = 16;       // cost gap to the best pose, that of four outliers, beyond which a pose is dropped
 constexpr double COARSE = 1;          // scale in cells of the grid beyond which the triangle nearest to a cell is accurate enough
 constexpr int MARGINAL_STEPS = 4;     // number of Newton steps from the values at the maximum, near which most poses are
@@ -272,8 +273,41 @@ static std::vector<char> far_apart(const Problem& problem, size_t count) {
     return chosen;
 }
 
+// Drops maxima that are near a better one, which keeps their starts.
+static void unite(std::vector<Maximum>& maxima, const Shape& shape, double near) {
+    std::sort(maxima.begin(), maxima.end(), [](const Maximum& a, const Maximum& b) {
+        return a.at.value != b.at.value ? a.at.value > b.at.value : a.from < b.from;
+    });
+    const auto is_near = [&](const Maximum& best, const Maximum& other) {
+        const size_t K = best.at.gradient.size();
+        Vec3 v, w;
+        difference(best.state.pose, other.state.pose, shape.centre, v, w);
+        const double x[6] = {v.x, v.y, v.z, w.x, w.y, w.z};
+        double q = 0;
+        for (int i = 0; i < 6; ++i) {
+            q += weak_prior(i, shape) * x[i] * x[i];
+            for (int k = 0; k <= i; ++k) q += (k < i ? 2 : 1) * best.at.information[K * i + k] * x[i] * x[k];
+        }
+        return squared(w) < 1 && q < near;
+    };
+    size_t count = 0;
+    for (size_t k = 0; k < maxima.size(); ++k) {
+        size_t which = 0;
+        while (which < count && !is_near(maxima[which], maxima[k])) ++which;
+        if (which == count) {
+            if (count != k) maxima[count] = std::move(maxima[k]);
+            ++count;
+            continue;
+        }
+        std::vector<int>& also = maxima[which].also;
+        also.push_back(maxima[k].from);
+        also.insert(also.end(), maxima[k].also.begin(), maxima[k].also.end());
+    }
+    maxima.resize(count);
+}
+
 std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, const std::vector<State>& starts,
-                             const std::vector<double>& blurs, int steps, double enough, double margin) {
+                             const std::vector<double>& blurs, int steps, double enough, double margin, double near) {
     const std::vector<char> coarse = far_apart(problem, ROUGH_POINTS);
     std::vector<Maximum> maxima(starts.size());
     for (size_t k = 0; k < starts.size(); ++k) {
@@ -294,10 +328,12 @@ std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, co
         maxima.erase(std::remove_if(maxima.begin(), maxima.end(),
                                     [&](const Maximum& maximum) { return !(maximum.at.value >= best - gap); }),
                      maxima.end());
+        if (near > 0 && most > 0) unite(maxima, shape, near);
     };
     if (maxima.size() > 2) level(blurs.empty() ? 0 : blurs[0], 0, 0, 2 * margin);  // without a step
     for (const double blur : blurs) level(blur, few, ROUGHLY, margin);
-    level(0, few, ROUGHLY, margin);
+    for (int done = 0; done < few; done += UNITED_STEPS)
+        level(0, std::min(UNITED_STEPS, few - done), ROUGHLY, done + UNITED_STEPS < few ? 2 * margin : margin);
     if (steps > few) level(0, steps - few, enough, margin);
     return maxima;
 }

@@ -37,6 +37,7 @@ struct Maximum {
     Linear at;
     double blur = -1;  // of the noise in this linearization [m]; -1: there is none yet
     int from = 0;      // index of its start
+    std::vector<int> also = {};  // indices of other starts that led near it and were dropped
 };
 
 // Levenberg-Marquardt steps with blurred noise [m], until a step gains less than `enough`.
@@ -44,9 +45,10 @@ void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, 
             Maximum& maximum);
 
 // Maximizations from all starts, with blurred noise first. After each level, and after a few steps of the last one, maxima
-// below the best by more than a margin are dropped.
+// below the best by more than a margin are dropped, and those nearer to a better one than `near`, a squared distance in
+// standard deviations of its information.
 std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, const std::vector<State>& starts,
-                             const std::vector<double>& blurs, int steps, double enough, double margin);
+                             const std::vector<double>& blurs, int steps, double enough, double margin, double near = 0);
 
 // Log of the integral over shared errors and noise scale at a pose, by Laplace's method about their best values, which
 // replace those of the state.

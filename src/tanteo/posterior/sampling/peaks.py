@@ -311,12 +311,13 @@ class Objective:
             return Peaks.none(D)
         zs = np.zeros((len(Ts), D)) if zs is None else np.ascontiguousarray(zs)
         blurs = np.zeros(0) if fine else self.scales.blurs
-        Ts, zs, logs, information, rows = _core.maximize(
+        Ts, zs, logs, information, who, _ = _core.maximize(
             self.prepared.shape, self.core, np.ascontiguousarray(Ts), zs, blurs, own.steps, own.step_gain,
-            2 * own.drop_gap,
+            2 * own.drop_gap, self.same / 4,
         )  # fmt: skip
         evidence = logs + 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(self.regular(information))[1]
-        groups = np.zeros(len(Ts), dtype=np.int64) if groups is None else groups[rows]
+        groups = np.zeros(len(who), dtype=np.int64) if groups is None else groups
+        groups = _united(groups, who.astype(np.int64), len(Ts))
         return self.distinct(Peaks(Ts, zs, logs, information, evidence, groups))
 
     def regular(self, information: FloatArray) -> FloatArray:
@@ -362,7 +363,10 @@ class Objective:
         reference = peaks.Ts[:1] if known is None else known.Ts[:1]
         Ts = folded(self.prepared, peaks.Ts, reference, named=self.named)
         # the axes of the tangent have turned with the pose
-        information = _core.slopes(self.prepared.shape, self.core, Ts, np.ascontiguousarray(peaks.zs))[2]
+        information, turned = np.array(peaks.information), (Ts != peaks.Ts).any(axis=(1, 2))
+        information[turned] = _core.slopes(
+            self.prepared.shape, self.core, np.ascontiguousarray(Ts[turned]), np.ascontiguousarray(peaks.zs[turned])
+        )[2]
         return replace(peaks, Ts=Ts, information=information)
 
     def _without_images(self, peaks: Peaks) -> Peaks:
