@@ -23,7 +23,7 @@ MOST = {
     "checks of a kind in Python": 0,
     "files with checks of a kind in Python": 0,
     "code lines of Python in the judged packages": 12850,
-    "code lines of C++": 11860,
+    "code lines of C++": 11889,
     "exported names": 450,
     "exported names without a user": 0,
     "words of docs": 43400,
