@@ -211,6 +211,39 @@ def on_table(seed, k, search=0, stated=False, readings=6):
     return _row(lambda: answer_of(points, None, examples(), seed=search, priors=priors), own, T)
 
 
+def from_prior_on_table(seed, k, search=0, readings=6):
+    """Answer touches of a part on a stated table, all drawn from the prior of the answer.
+
+    The part is of the folder; it leans in one of twenty cases; the table is off by its standard deviation; touches are
+    even over the part; the noise is known to a factor of two; a touch is an outlier with the assumed rate.
+    """
+    from tanteo.catalogue import known_stable_poses
+
+    rng = np.random.default_rng((seed, k))
+    own = examples()[rng.integers(len(examples()))]
+    plane = Plane(np.zeros(3), np.array([0.0, 0.0, 1.0]), 5e-4)
+    radius = max(one.part.radius for one in examples())
+    priors = Priors(unknown=1e-6, pose=PosePrior(table=plane), radius=radius)
+    rests = known_stable_poses(own.part)
+    rest = rests[rng.choice(len(rests), p=np.array([r.probability for r in rests]) / sum(r.probability for r in rests))]
+    T = box_centred_pose(rng)
+    if rng.uniform() > plane.leaning:
+        tilt = plane.sd / (0.25 * own.part.diagonal) * rng.normal(size=2)
+        turn = np.array([0.0, 0.0, 0.0, *tilt, 0.0]), np.array([0.0, 0.0, 0.0, 0.0, 0.0, rng.uniform(-np.pi, np.pi)])
+        T[:3, :3] = (SE3.exp(turn[0]) @ SE3.exp(turn[1]) @ rest.T_table_part)[:3, :3]
+    low = (own.part.vertices @ T[:3, :3].T)[:, 2].min()
+    T[:3, 3] = *rng.uniform(-0.2, 0.2, 2), plane.sd * rng.normal() - low
+    draws = rng.uniform(-2, 2, 1000)
+    log_factor = 2 * priors.log_noise_factor * draws[np.argmax(rng.uniform(size=1000) < np.exp(-(draws**4)))]
+    p, _ = surface_points(own, readings, rng)
+    points = SE3.apply(T, p) + np.exp(log_factor) * SD * rng.normal(size=p.shape)
+    outliers = rng.uniform(size=readings) < priors.outlier_rate
+    away = rng.normal(size=p.shape)
+    away *= (radius * rng.uniform(size=readings) ** (1 / 3) / np.linalg.norm(away, axis=1))[:, None]
+    points[outliers] = (T[:3, 3] + away)[outliers]
+    return _row(lambda: answer_of(points, None, examples(), seed=search, priors=priors), own, T)
+
+
 FIXTURES = {
     "rails": ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
     "V-block": ((1.0, 0.0, 1.0), (-1.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
@@ -286,6 +319,7 @@ KINDS = {
     "outlier, touched again": one_outlier,
     "on an unstated table": on_table,
     **{f"on a stated table, {n} touches": partial(on_table, stated=True, readings=n) for n in (4, 5, 6)},
+    "from the prior on a table": from_prior_on_table,
     **{f"in {which}, {n} touches": partial(in_fixture, which, readings=n) for which in FIXTURES for n in (3, 5)},
     **{row: partial(drawn, row) for row in ("touch", "twins", "labelled_bare", "laser")}, "few touches": few,
 }  # fmt: skip

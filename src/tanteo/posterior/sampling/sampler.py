@@ -79,6 +79,7 @@ class Sampler:
     covariances: Covariances = field(init=False)
     _mixture: Mixture = field(init=False)
     _slopes: FloatArray = field(init=False)
+    _tops: FloatArray = field(init=False)
     local: BoolArray = field(init=False)
     _fitted: BoolArray = field(init=False)
     _masses: tuple[FloatArray, FloatArray] | None = field(init=False, default=None)
@@ -89,7 +90,7 @@ class Sampler:
         self.log_target, self.log_weights, self.log_density = np.zeros(0), np.zeros(0), np.zeros(0)
         self.shares = np.zeros((0, len(peaks)))
         self.means, self.covariances, self._slopes, cut = self._about(peaks)
-        self.bends = np.zeros((len(peaks), 6, 6, 6))
+        self.bends, self._tops = np.zeros((len(peaks), 6, 6, 6)), np.full(len(peaks), np.nan)
         prepared = self.objective.prepared
         self._mixture = Mixture(prepared.part.symmetry.Ts[1:], prepared.shape.centre, self.settings.freedom)
         self._fitted, self.local = cut | self.trusted, np.zeros(len(peaks), dtype=bool)
@@ -121,6 +122,7 @@ class Sampler:
         self.covariances = np.concatenate([self.covariances, covariances])
         self.means = np.concatenate([self.means, means])
         self.bends = np.concatenate([self.bends, np.zeros((len(peaks), 6, 6, 6))])
+        self._tops = np.concatenate([self._tops, np.full(len(peaks), np.nan)])
         self._slopes = np.concatenate([self._slopes, slopes])
         self.shares = np.pad(self.shares, ((0, 0), (0, len(peaks))))
         self._fitted, self.local = np.concatenate([self._fitted, cut]), np.concatenate([self.local, np.zeros_like(cut)])
@@ -156,6 +158,9 @@ class Sampler:
         on = np.flatnonzero(counts)
         if not len(on):
             return
+        new = on[np.isnan(self._tops[on])]
+        if len(new):
+            self._tops[new] = self.density.at(np.ascontiguousarray(self.peaks.Ts[new]), self.peaks.zs[new])[0]
         self._fit_widths(on[~self._fitted[on]], counts)
         owners = np.repeat(on, counts[on])
         L = roots(self.covariances[on])
@@ -281,9 +286,15 @@ class Sampler:
         return zs
 
     def _weigh(self) -> None:
+        """Compute the weights of all samples.
+
+        A sample far below the maximum of its component is not of its region. Such poses, where readings are outliers,
+        are many, but a component hardly reaches them: one sample would have more weight than all others.
+        """
         log_q, self.shares = self._mixture.log_density(self.peaks.Ts, self.bends, self.Ts)
         self.shares[self.shares < _NEGLIGIBLE_SHARE] = 0.0
-        ok = np.isfinite(self.log_target) & np.isfinite(log_q)
+        least = self._tops[np.argmax(self.shares, axis=1)] - 2 * self.objective.problem.settings.search.drop_gap
+        ok = np.isfinite(self.log_target) & np.isfinite(log_q) & ~(self.log_target < least)
         self.log_weights = np.where(ok, self.log_target - np.where(ok, log_q, 0.0), -np.inf)
         self.log_density, self._masses = np.where(np.isfinite(log_q), log_q, np.inf), None
 
