@@ -214,7 +214,7 @@ def on_table(seed, k, search=0, stated=False, readings=6):
 def from_prior_on_table(seed, k, search=0, readings=6):
     """Answer touches of a part on a stated table, all drawn from the prior of the answer.
 
-    The part is of the folder; it leans in one of twenty cases; the table is off by its standard deviation; touches are
+    The part is in the folder; it leans in one of twenty cases; the table is off by its standard deviation; touches are
     even over the part; the noise is known to a factor of two; a touch is an outlier with the assumed rate.
     """
     from tanteo.catalogue import known_stable_poses
