@@ -26,7 +26,7 @@ MOST = {
     "code lines of C++": 11889,
     "exported names": 450,
     "exported names without a user": 0,
-    "words of docs": 43500,
+    "words of docs": 43550,
     "live decisions": 40,
 }
 """Largest accepted figures. Lines and words may grow with new capabilities; the others may only fall."""
