@@ -218,9 +218,8 @@ def _with_moved(seen: ImageEdges, model: VisionModel, Ts: Transforms, log: Float
         kept.append(_ahead(model.part, near))
     moved = np.concatenate(kept)
     more = seen.sums(model, moved).there
-    moved = moved[more > best - SEARCH.likely]
-    more = more[more > best - SEARCH.likely]
     likely = (log > best - DEFAULTS.search.drop_gap) | (log == log.max(initial=-np.inf))
+    more = np.where(more > best - SEARCH.likely, more, -np.inf)
     every, logs = np.concatenate([Ts[likely], moved]), np.concatenate([log[likely], more])
     slack = EVIDENCE.spread * pixel_length(camera, every[0], model.part.centroid) if len(every) else 0.0
     return _best_distinct(model, every, logs, SEARCH.kept, slack)
