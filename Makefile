@@ -159,8 +159,11 @@ $(VENV)/.demo: pyproject.toml $(CORE) $(VENV)/.tools
 	$(EDIT) '.[step,vision,viewer,plot]'
 	touch $@
 
-$(VENV)/.test: requirements/test.txt pyproject.toml $(CORE) $(VENV)/.tools
+$(VENV)/.packages: requirements/test.txt $(VENV)/.tools
 	$(BIN)/python $(LOCKED)test.txt
+	touch $@
+
+$(VENV)/.test: pyproject.toml $(CORE) $(VENV)/.packages
 	$(EDIT) . --no-deps
 	touch $@
 

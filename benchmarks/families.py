@@ -1,8 +1,7 @@
 """Families of parts as a distributor has them: brackets, plates, stepped blocks, flanges, rails, one dimension changed.
 
-A family is a template with its own sizes. Its members differ from the first one in one dimension by whole steps. This
-is
-the hard case: one face or one hole distinguishes two of them. Member ``k`` of a seed is always the same.
+A family is a template with its own sizes. Its members differ from the first one in one dimension by whole steps.
+This is the hard case: one face or one hole distinguishes two of them. Member ``k`` of a seed is always the same.
 """
 
 from __future__ import annotations
