@@ -47,7 +47,7 @@ probe = Probe("touch probe", NoiseLaw.of(SD), contact=True, standoff=0.05, clear
 # the smallest set of touches after which the corners are within the tolerance. If the part is at another pose, some
 # touches may miss it. The probability is over all placements, and the plan has enough touches for that. The message
 # also states the probability with the errors of scale, drift and form that ``locate`` assumes if none are stated. The
-# simulation below has none of these errors.
+# simulation below is without these errors.
 
 found = plan(start, probe, TOLERANCE)
 print(found.message)

@@ -315,7 +315,7 @@ def test_circles_of_a_listing_are_centres(tmp_path):
         ("N10 CYCLE977(1,,1)\n", "a Siemens program or log"),
         ("Bilinear Leveling Grid:\n      0      1\n 0 +0.1 +0.2\n", "heights of a bed without places"),
         ("Stopped at height 1.234 mm\n", "heightmap.csv"),
-        ("planid\tidsymbol\tactual\tfeatureid\np\tdiameter\t3.0\tC1\n", "expected xValue, yValue and zValue"),
+        ("planid\tidsymbol\tactual\tfeatureid\np\tdiameter\t3.0\tC1\n", "Add xValue, yValue and zValue"),
     ],
 )
 def test_other_files_are_named_with_what_to_export(tmp_path, content, message):

@@ -177,7 +177,7 @@ def test_no_sentence_of_the_title_is_repeated_below_it(run, wedge):
     page = report_page(several, gather(readings), [wedge], Run("tanteo"))
     assert page.count(headline(several)) == 2  # the tab's title and the heading
     assert headline(several) + " " + details_of(several.findings) == several.message
-    assert f"<p>{details_of(several.findings)}</p></header>" in page
+    assert f"<p>{details_of(several.findings)}</p></header>" in re.sub("</?span[^>]*>", "", page)
     sure = replace(answer, findings=(Located("wedge", 0.999, 1e-4),))
     assert "</h1></header>" in report_page(sure, gather(readings), [wedge], Run("tanteo"))
 

@@ -25,6 +25,8 @@ _NAMED = (
      "Write its actual values as a table x_mm,y_mm,hole_diameter_mm, or X, Y and Z of touches with FN 16"),
     (r"^\s*#\d{1,4}\s*=", "variables of a macro",
      "Write X, Y and Z of each touch with DPRNT[X#5061[44]Y#5062[44]Z#5063[44]]"),
+    (r"\A\s*planid\b[^\n]*\tidsymbol\b", "characteristics of Calypso without positions",
+     "Add xValue, yValue and zValue of each feature to the plan, or export the measured points as text"),
     (r"^[^\n]*\b_OV[RI]\[\d", "result variables of Siemens' measuring cycles",
      "Write the measured points with WRITE as lines X=.. Y=.. Z=.., or as a table"),
     (r"^(?:N\d+\s*)?G0?[0-3]\b[^\n]*[XYZ]|^\s*[O:]\d{4}\b|^(?:N\d+\s*)?G(?:90|91|20|21|54|65)\b",

@@ -136,9 +136,9 @@ def _read_rows(
             rest = analog.rows(rest)
             header[analog.index] = "range_mm"
         header = range_header(header, stated)
-        frames = find_profiles(header, place, stated) or find_frames(header, place, stated) if below is None else None
+        frames = find_profiles(header, place, stated) or find_frames(header, place, stated) if above == 1 else None
         if frames is not None:
-            rest, header = frames.rows(rest, len(header)), list(frames.header)
+            rest, header, below = frames.rows(rest, len(header)), list(frames.header), None
         columns = read_header(
             header, place, units=stated.units or how.unit, brand=stated.brand, below=(below or ())[: len(header)],
             placed=stated.hand is not None, timed=isinstance(stated.hand, Track),
