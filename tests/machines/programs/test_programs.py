@@ -208,7 +208,7 @@ def test_every_program_states_its_assumptions(name, jobs):
 
 def test_a_3_axis_machine_does_not_touch_from_below(part):
     probe = probe_of(2e-5, contact=True, radius=RADIUS, approach=[0, 0, 1], cone=0.5)
-    found = plan(at_pose(prepare(part), T_EXPECTED, C), probe, 0.3e-3, max_measurements=2)
+    found = plan(at_pose(prepare(part), T_EXPECTED, C), probe, 3e-3, max_measurements=2)
     job = job_of(found, part, probe, C, feed=2e-3)
     with pytest.raises(InputError, match=r"touch 1 on face .* from below"):
         write_program("linuxcnc", job)
