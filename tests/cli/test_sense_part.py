@@ -44,9 +44,10 @@ def test_it_ends_with_name_place_and_cost_in_words(run, tmp_path):
     assert any("go to" in line and "reached" in line for line in lines)
 
 
-def test_json_is_one_document_and_the_record_gives_it_again(sense, tmp_path):
+def test_json_is_one_document_and_the_record_gives_it_again(run, tmp_path):
     record = tmp_path / "session.json"
-    code, out, err = sense("--json", "--goal", "40mm", "--record", str(record))
+    one = ("sense", "part", "--scene", str(SCENE), "--parts", LEFT, "--goal", "20mm")
+    code, out, err = run(*one, "--json", "--record", str(record))
     document = json.loads(out)
     assert code == 0
     assert document["schema"] == "tanteo.recognition/1"
