@@ -138,7 +138,7 @@ class SearchSettings:
     def missing_unsure(self) -> float:
         """Estimated probability of missed maxima at which a search ends while no part is sure.
 
-        Seeds then differ by less than 0.05, as with the larger number of rounds: ``python benchmarks/cliffs.py seeds``.
+        Five points on six parts: seeds then have a standard deviation of 0.05 (``python benchmarks/cliffs.py seeds``).
         """
         return 4 * self.missing
 
