@@ -73,6 +73,7 @@ READINGS = [
     readings("text in a number", with_row("d,1,2,abc"), "line 5, column 'z_mm': expected a finite number, got 'abc'"),
     readings("unit in a number", with_row("d,1kg,2,3"), "line 5, column 'x_mm': expected a finite number, got '1kg'"),
     readings("another unit", with_row("d,1in,2,3"), "line 5, column 'x_mm': expected a finite number, got '1in'"),
+    readings("unit against name", "x_mm,y_mm,z_mm\n1 mm,2 in,3 mm\n4,5,6\n", "expected a finite number, got '2 in'"),
     readings("nan", with_row("d,nan,2,3"), "line 5, column 'x_mm': expected a finite number, got 'nan'"),
     readings("infinity", with_row("d,1,-inf,3"), "column 'y_mm': expected a finite number, got '-inf'"),
     readings("overflow", with_row("d,1,2,1e999"), "got '1e999'"),

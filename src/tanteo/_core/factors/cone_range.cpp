@@ -14,7 +14,7 @@ namespace {
 // What chose these numbers: seed 71 of benchmarks/wide_cones.py, a few scenes of it; WEIGHT_SD is smaller than the
 // difference of even and signal weights (0.2 to 0.3 of the spread), which are two models. RAYS_ERROR bounds the mean of
 // the raster against that of many rays over 148 cones that a part fills in part.
-// rays that fill a cone; where they suffice; where less than half of them hit
+// The number of rays of a cone; FEW_RAYS where their error is small, MANY_RAYS where less than half of RAYS hit.
 constexpr int RAYS = 63, FEW_RAYS = 15, MANY_RAYS = RayPattern::MOST;
 constexpr double RASTER = 0.1;      // error of the mean of the rays, in standard deviations of the noise, that needs no more rays
 constexpr double EDGE_SD = 0.05;    // relative standard deviation of the half angle: sensitivity fades at the edge

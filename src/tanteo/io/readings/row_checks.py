@@ -16,6 +16,8 @@ _STATISTIC = re.compile(
 """Names of rows that summarize the others."""
 _UNIT = re.compile(r"[-+]?\d[\d.,eE+-]*\s*([a-z]{1,11})")
 _DIGIT = re.compile(r"\d")
+_WITH_UNIT = re.compile(r".*[\s_\[(./](?:mm|cm|m|um|in)[\])]?")
+"""Name of a column that states its unit, which cells in another unit contradict."""
 
 
 @dataclass(eq=False)
@@ -53,7 +55,7 @@ class Excluded:
 
 
 def units_of_cells(header: Sequence[str], row: Sequence[str]) -> list[str] | None:
-    """Return the length unit of each column whose cells are such as ``264.1 mm``; None if there is none.
+    """Return the length units of cells such as ``264.1 mm`` in columns whose names have no unit; None without any.
 
     Args:
         header: cells of the header.
@@ -62,5 +64,6 @@ def units_of_cells(header: Sequence[str], row: Sequence[str]) -> list[str] | Non
     if len(row) != len(header):
         return None
     found = [match[1] if (match := _UNIT.fullmatch(plain(cell.strip()))) else "" for cell in row]
-    units = [LENGTH_UNITS.get(unit, "") for unit in found]
+    own = [_WITH_UNIT.fullmatch(plain(name.strip())) for name in header]
+    units = ["" if name else LENGTH_UNITS.get(unit, "") for name, unit in zip(own, found, strict=True)]
     return units if any(units) else None
