@@ -30,7 +30,7 @@ ZIG     = $(BIN)/zig-c++
 export CXX = $(abspath $(ZIG))
 endif
 
-.PHONY: demo test test-all check types unit oracles ros fuzz docs bench core lock wheel wheel-test sanitize clean
+.PHONY: demo test test-all check types unit compiled oracles ros fuzz docs bench core lock wheel wheel-test sanitize clean
 
 demo: $(VENV)/.demo
 	$(BIN)/tanteo demo --no-open
@@ -62,6 +62,10 @@ types: $(VENV)/.test
 unit: $(VENV)/.test
 	PATH="$(abspath $(BIN)):$$PATH" TANTEO_SCREENSHOTS="$(CURDIR)/build/screenshots" PYTHONDONTWRITEBYTECODE= \
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS)
+
+# without this, every worker compiles all tests (pytest changes their assertions), two thirds of its collection
+compiled: $(VENV)/.test
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --collect-only --quiet $(TESTS) > /dev/null
 
 # LinuxCNC's interpreter is unpacked, not installed
 OTHERS = $(abspath $(VENV))/others

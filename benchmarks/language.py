@@ -18,7 +18,8 @@ import subprocess
 import sys
 import tokenize
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -161,9 +162,9 @@ def names_of(name: str) -> set[str]:
 
 def python_findings(source: str) -> Iterator[tuple[int, str]]:
     """Yield line and message for docstrings, comments, messages and names of Python source."""
-    tree = ast.parse(source)
+    nodes = list(ast.walk(ast.parse(source)))
     docstrings: set[ast.AST] = set()
-    for node in ast.walk(tree):
+    for node in nodes:
         body = getattr(node, "body", None)
         for k, one in enumerate(body if isinstance(body, list) else []):
             if isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant) and isinstance(one.value.value, str):
@@ -175,7 +176,7 @@ def python_findings(source: str) -> Iterator[tuple[int, str]]:
                 function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and k == 0
                 if function and first in FIRST_WORDS and not _is_statement(node):
                     yield one.lineno, f'a docstring that begins with "{first}": begin with an imperative verb'
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in docstrings:
             if " " in node.value.strip():
                 yield from ((node.lineno + line, message) for line, message in words_of(node.value))
@@ -316,6 +317,11 @@ def _states_a_law(path: Path, line: int) -> bool:
     return any(_is_statement(node) for node in functions if node.body[0].lineno == line)
 
 
+def list_findings(check: Callable[[list[str]], Iterator[Finding]], paths: list[str]) -> list[Finding]:
+    """Return the findings of a check that runs in a process of its own."""
+    return list(check(paths))
+
+
 def files(paths: list[Path]) -> Iterator[Path]:
     """Yield the source files and pages that git tracks under some paths."""
     command = ["git", "-C", str(ROOT), "ls-files", "--cached", "--others", "--exclude-standard", "--", *map(str, paths)]
@@ -341,13 +347,21 @@ def main() -> None:
     parser.add_argument("--counts", action="store_true", help="number of findings for each package or folder")
     options = parser.parse_args()
     chosen = [path.resolve() for path in options.paths] or [ROOT]
-    found = [one for path in files(chosen) for one in findings(path)]
     sources = chosen if options.paths else [ROOT / "src", ROOT / "benchmarks", ROOT / "tests"]
     python = [path for path in sources if path.is_dir() or path.suffix == ".py"]
     documented = [path for path in python if not path.is_relative_to(ROOT / "tests")]
-    for check, some in ((section_findings, documented), (mood_findings, python)):
-        each = check([str(path) for path in some]) if some else ()
-        found += [Finding(str((ROOT / one.path).relative_to(ROOT)), one.line, one.text) for one in each]
+    with ProcessPoolExecutor() as processes:
+        checked = [
+            processes.submit(list_findings, check, [str(path) for path in some])
+            for check, some in ((section_findings, documented), (mood_findings, python))
+            if some
+        ]
+        found = [one for each in processes.map(findings, files(chosen), chunksize=20) for one in each]
+        found += [
+            Finding(str((ROOT / one.path).relative_to(ROOT)), one.line, one.text)
+            for each in checked
+            for one in each.result()
+        ]
     found = sorted({one for one in found if one.path not in QUOTING})
     if options.counts:
         for name, count in sorted(Counter(group_of(one.path) for one in found).items()):

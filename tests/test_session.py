@@ -593,7 +593,7 @@ def test_a_moved_part_is_reported(targets):
 
 
 @pytest.mark.parametrize("of_the_object", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_a_reading_that_not_fit_is_made_once_more_and_settles_it(targets, of_the_object):
+def test_a_reading_that_does_not_fit_is_made_once_more(targets, of_the_object):
     """Two readings are off: outliers of the sensor the first time only; a part that is only like it is off again."""
     start, rng, wrong = rough(targets), np.random.default_rng(12), []
     session, again = new_session(start, errors=EXACT_MACHINE, tolerance=1e-3, max_measurements=21), 0

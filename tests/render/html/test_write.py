@@ -145,7 +145,7 @@ def test_further_sections_stand_before_the_figures(run, wedge):
     assert "&lt;first&gt;" in page
 
 
-def test_a_hypothesis_of_part_that_not_there_is_callers_mistake(run, near_wedge):
+def test_a_hypothesis_of_an_absent_part_is_the_callers_mistake(run, near_wedge):
     readings, answer = run
     with pytest.raises(InputError, match="expected 'wedge' among them"):
         report_page(answer, gather(readings), [near_wedge], Run("tanteo"))

@@ -73,7 +73,7 @@ def test_a_good_log_determines_all():
     assert (found.status, found.message, found.devices[0].undetermined) == ("calibrated", "Calibrated eye.", ())
 
 
-def test_a_rig_that_is_far_off_does_not_lead_aoutliers():
+def test_a_rig_that_is_far_off_makes_no_outliers():
     """The log is also searched without it."""
     rng = np.random.default_rng(4)
     log = simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T))
