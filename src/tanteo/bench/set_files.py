@@ -24,7 +24,7 @@ _UNITS = np.r_[np.full(3, _MM), np.ones(4)]
 
 
 def read_set(folder: str | Path) -> BenchSet:
-    """Read a set from a folder: ``set.toml``, ``parts/``, ``scenes/*.csv``, ``truth.csv`` (``docs/formats.md``).
+    """Read a set from a folder: ``set.toml``, ``parts/``, ``scenes/*.csv``, ``truth.csv`` (``docs/formats_scenes.md``).
 
     Args:
         folder: folder of the set.
@@ -35,7 +35,7 @@ def read_set(folder: str | Path) -> BenchSet:
     folder = Path(folder)
     for name in ("set.toml", "truth.csv", "parts", "scenes"):
         if not (folder / name).exists():
-            raise InputError(f"{folder}: expected {name} in it, got none. docs/formats.md describes a set.")
+            raise InputError(f"{folder}: expected {name} in it, got none. docs/formats_scenes.md describes a set.")
     try:
         header = tomllib.loads(read_whole(folder / "set.toml", "the head of a set").decode("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

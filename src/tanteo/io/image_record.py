@@ -1,4 +1,4 @@
-"""Tables of a session record for the images from which the session starts (``docs/formats.md``)."""
+"""Tables of a session record for the images from which the session starts (``docs/formats_json.md``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Define the tables of a session record (``docs/formats.md``)."""
+"""Define the tables of a session record (``docs/formats_json.md``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Write results as strict JSON (``docs/formats.md``): ``tanteo.recognition/1``, its extensions, and explanations."""
+"""Write results as strict JSON: ``tanteo.recognition/1``, its extensions, explanations (``docs/formats_json.md``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Read, check and write rig files: the poses of range sensors on the hand (TOML, ``docs/formats.md``)."""
+"""Read, check and write rig files: the poses of range sensors on the hand (TOML, ``docs/formats_scenes.md``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Read scene files: parts, table, obstacles, hand, and the features to sense (TOML, ``docs/formats.md``)."""
+"""Read scene files: parts, table, obstacles, hand, and the features to sense (TOML, ``docs/formats_scenes.md``)."""
 
 from __future__ import annotations
 

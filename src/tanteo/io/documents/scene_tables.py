@@ -1,4 +1,4 @@
-"""Define the tables of a scene file and their conversion to objects (``docs/formats.md``)."""
+"""Define the tables of a scene file and their conversion to objects (``docs/formats_scenes.md``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Write calibrations and rigs as JSON documents in metres and radians (``docs/formats.md``)."""
+"""Write calibrations and rigs as JSON documents in metres and radians (``docs/formats_json.md``)."""
 
 from __future__ import annotations
 

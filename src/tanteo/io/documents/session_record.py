@@ -1,4 +1,4 @@
-"""Write a session as a record (``tanteo.session/1``, JSON or in MCAP) and restore it (``docs/formats.md``)."""
+"""Write a session as a record (``tanteo.session/1``, JSON or in MCAP) and restore it (``docs/formats_json.md``)."""
 
 from __future__ import annotations
 

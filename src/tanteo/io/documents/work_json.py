@@ -1,4 +1,4 @@
-"""Write parts, plans and acquisitions as JSON documents in metres and radians (``docs/formats.md``)."""
+"""Write parts, plans and acquisitions as JSON documents in metres and radians (``docs/formats_json.md``)."""
 
 from __future__ import annotations
 

@@ -53,4 +53,4 @@ def refuse_by_name(contents: Contents) -> None:
     start = contents.head or contents.data[:100].decode("latin-1")
     for pattern, words, advice in _NAMED:
         if re.search(pattern, start, _LINE):
-            contents.fail("readings", words, f"{advice} (docs/formats.md).")
+            contents.fail("readings", words, f"{advice} (docs/formats_logs.md).")

@@ -165,7 +165,9 @@ def _log(contents: Contents, document: Any, words: str) -> Log:
     if not measured:
         got = f"{words} with nominal points only" if found else f"{words} without any"
         contents.fail(
-            "points with x, y and z", got, "Write the measured points as a table with x_mm,y_mm,z_mm (docs/formats.md)."
+            "points with x, y and z",
+            got,
+            "Write the measured points as a table with x_mm,y_mm,z_mm (docs/formats_readings.md).",
         )
     forms = Counter((one.path[-1] if one.path else "", bool(one.diameter)) for one in measured)
     if len(forms) > 1:

@@ -1,4 +1,4 @@
-"""Read a pose prior from a TOML file (``docs/formats.md``): a table, a box, a prior pose."""
+"""Read a pose prior from a TOML file (``docs/formats_errors.md``): a table, a box, a prior pose."""
 
 from __future__ import annotations
 

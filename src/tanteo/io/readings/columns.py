@@ -228,9 +228,10 @@ def _read_name(name: str, written: str, place: str, unit: str | None, *, clear: 
     if words := advice(written):
         raise ReadingsError(f"{place}: expected a known column, got '{show(written)}'.{words}")
     suggestion = did_you_mean(name, known_columns().split(", ")) if len(name) > 2 else ""
-    suggestion = suggestion or " Name the columns of the points so, or use a format of docs/formats.md."
+    suggestion = suggestion or " Name the columns of the points so, or use a format of docs/formats_logs.md."
     raise ReadingsError(
-        f"{place}: expected columns x_mm, y_mm, z_mm or others of docs/formats.md, got '{show(written)}'.{suggestion}"
+        f"{place}: expected columns x_mm, y_mm, z_mm or others of docs/formats_readings.md, "
+        f"got '{show(written)}'.{suggestion}"
     )
 
 

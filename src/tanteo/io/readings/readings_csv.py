@@ -1,4 +1,4 @@
-"""Read and write tables of readings with a header, one reading per row (``docs/formats.md``)."""
+"""Read and write tables of readings with a header, one reading per row (``docs/formats_readings.md``)."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ def read_table(path: Path, start: bytes, stated: Stated, progress: Callable[[int
             how = TableText(converted=table_of_json(text.read(_LARGEST_JSON)))
     if how is None:
         raise ReadingsError(
-            f"{path}: expected a text file (UTF-8, commas) or a format of docs/formats.md, got a binary one. Export it "
-            "as CSV."
+            f"{path}: expected a text file (UTF-8, commas) or a format of docs/formats_logs.md, got a binary one. "
+            "Export it as CSV."
         )
     with how.open(path) as text:
         return _read_rows(path, text, how, stated, progress)

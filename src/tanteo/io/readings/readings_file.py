@@ -63,7 +63,7 @@ def read_readings(
     world: str | None = None,
     latency: float | None = None,
 ) -> Readings:
-    """Read a file of readings in any known format (``docs/formats.md``), recognized by its content.
+    """Read a file of readings in any known format (``docs/formats_logs.md``), recognized by its content.
 
     The readings' ``notes`` list assumptions and ignored content. If the file lacks a required value, the error names
     the command-line option: ``--radius`` is the argument ``radius``.

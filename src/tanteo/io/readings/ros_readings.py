@@ -285,7 +285,7 @@ def _beams(rows: Sequence[Row], ids: Sequence[str], Ts: Transforms, source: str,
 def _across(ranges: FloatArray, free: BoolArray, fields_of_view: FloatArray) -> FloatArray | None:
     """Return standard deviations across the beams [m], half of the half angle times the range; None if none is stated.
 
-    The same rule gives that of a preset's cone (``docs/formats.md``).
+    The same rule gives that of a preset's cone (``docs/formats_json.md``).
     """
     wide = ~free & (fields_of_view > 0) & (fields_of_view < np.pi)
     return np.where(wide, 0.25 * fields_of_view * np.where(free, 0.0, ranges), np.nan) if wide.any() else None
