@@ -21,7 +21,13 @@ from tanteo.catalogue.cluster import run_tasks
 
 
 def options(arguments: list[str]) -> tuple[list[str], Path | None, int | str]:
-    """Return the arguments without ``--keep FILE`` and ``--processes N``, and the values of these two."""
+    """Return the arguments without ``--keep FILE`` and ``--processes N``, and the values of these two.
+
+    With ``--help`` the docstring of the program is printed, and the program ends.
+    """
+    if "--help" in arguments:
+        print(sys.modules["__main__"].__doc__)
+        sys.exit()
     rest, keep, processes = list(arguments), None, 1
     if "--keep" in rest:
         k = rest.index("--keep")

@@ -150,7 +150,7 @@ PCD_HEAD = (
     "COUNT 1 1 1 1\nWIDTH 4\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 4\nDATA {}\n"
 )
 GRID = "0 40 2\n0 50 2\n-5 5 100\n\n\n"
-MM, TIP = {"units": "mm"}, {"units": "mm", "radius": 0.0015}
+MM, TIP = {"unit": "mm"}, {"unit": "mm", "radius": 0.0015}
 
 CASES = {
     "linuxcnc": ("linuxcnc", rows(np.c_[P, np.zeros((4, 6))]), TIP),

@@ -540,7 +540,7 @@ def test_the_rest_works_beside_a_broken_plug_in(install, tmp_path):
     folder = install({"broken_two": BROKEN}, points, "broken-kit-2")
     np.savetxt(tmp_path / "points.xyz", np.random.default_rng(0).random((9, 3)))
     with pytest.warns(PluginWarning, match=r"broken-kit-2 1\.0, entry point 'zzz = broken_two:ITEM'") as warned:
-        assert len(tanteo.read_readings(tmp_path / "points.xyz", units="mm")) == 9
+        assert len(tanteo.read_readings(tmp_path / "points.xyz", unit="mm")) == 9
     assert len(warned) == 1
     assert parse_machine("grbl://h").kind == "grbl"
     found = command(folder, "doctor")
@@ -593,7 +593,7 @@ def test_a_name_that_is_built_in_stays_built_in(install, tmp_path):
     assert len(tanteo.read_part(tmp_path / "wedge.off", unit="mm").planes) == 6
     np.savetxt(tmp_path / "points.xyz", np.random.default_rng(0).random((9, 3)))
     with pytest.warns(PluginWarning, match="expected a new name, got that of a built-in one, which is used"):
-        assert len(tanteo.read_readings(tmp_path / "points.xyz", units="mm")) == 9
+        assert len(tanteo.read_readings(tmp_path / "points.xyz", unit="mm")) == 9
     assert "clash" not in sys.modules
     found = command(folder, "doctor")
     assert found.stdout.count("got that of a built-in one, which is used. Rename the entry point.") == 2
@@ -672,7 +672,7 @@ def test_what_fails_later_is_named_too(install, tmp_path):
         tanteo.read_part(tmp_path / "a.thing")
     np.savetxt(tmp_path / "points.xyz", np.random.default_rng(0).random((9, 3)))
     with pytest.warns(PluginWarning, match=r"expected contents to be recognised, got KeyError"):
-        assert len(tanteo.read_readings(tmp_path / "points.xyz", units="mm")) == 9
+        assert len(tanteo.read_readings(tmp_path / "points.xyz", unit="mm")) == 9
     with pytest.raises(PluginError, match=inner):
         tanteo.read_readings(tmp_path / "points.xyz", format="read")
     with pytest.raises(PluginError, match=r"expected a Log of .*, got NoneType"):

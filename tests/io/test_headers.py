@@ -41,7 +41,7 @@ def test_names_in_any_spelling(tmp_path, written, name):
     names = [*point, "radius_um", "nx", "ny", "nz", "normal_sd_deg", "dx", "dy", "dz", "feature", *hand, *turn]
     assert names.count(name) == 1
     row = [1, 2, 3, 500, 0, 0, 1, 2, 0, 0, -1, 7, 4, 5, 6, *([0.1, 0.2, 0.3] if "rx" in name else [1, 0, 0, 0])]
-    units = {"units": "mm"} if name == "hand_x" else {}
+    units = {"unit": "mm"} if name == "hand_x" else {}
     plain = read_readings(save(tmp_path, names, [row]), **units)
     other = read_readings(save(tmp_path, [written if n == name else n for n in names], [row]), **units)
     assert other.notes == plain.notes
@@ -112,13 +112,13 @@ def test_title_lines_above_the_header_are_skipped(tmp_path, mark, titles):
     text = titles.format(mark) + mark.join(["Punkt", "X", "Y", "Z"]) + "\n"
     text += "".join(mark.join([f"P{k}", "1.5", f"{k}", "3"]) + "\n" for k in range(3))
     path.write_text(text)
-    readings = read_readings(path, units="mm")
+    readings = read_readings(path, unit="mm")
     assert readings.ids == ("P0", "P1", "P2")
     np.testing.assert_allclose(readings.points[1], [1.5e-3, 1e-3, 3e-3])
     assert "title line" in readings.notes[0]
     path.write_text(text.replace(mark.join(["P2", "1.5"]), mark.join(["P2", "far"])))
     with pytest.raises(InputError, match=f"line {text.count(chr(10))}, column 'X'"):
-        read_readings(path, units="mm")
+        read_readings(path, unit="mm")
 
 
 @pytest.mark.parametrize("brand", ["fanuc", "kuka", "yaskawa", "mitsubishi", "kawasaki", "abb", "ur", "denso", "comau"])
@@ -144,7 +144,7 @@ def test_matrices_and_ros(tmp_path):
     q = SO3.as_quaternion(T[:, :3, :3])
     names = [*(f"pose.position.{a}" for a in "xyz"), *(f"pose.orientation.{a}" for a in "xyzw")]
     path = save(tmp_path, names, np.c_[T[:, :3, 3], q[:, 1:], q[:, :1]])
-    np.testing.assert_allclose(read_readings(path, units="m").Ts_world_hand, T, atol=1e-7)
+    np.testing.assert_allclose(read_readings(path, unit="m").Ts_world_hand, T, atol=1e-7)
     skew = T.copy()
     skew[1, :3, :3] *= 1.1
     names = [f"m{i}{j}" + ("_m" if j == 4 else "") for i in (1, 2, 3) for j in (1, 2, 3, 4)]

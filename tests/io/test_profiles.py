@@ -44,7 +44,7 @@ def test_profiles_are_placed_by_hand_and_rig(tmp_path):
     expect(read(tmp_path, [f"profile,x_mm,z_mm,{POSE}", *long([f",{hand}" for hand in HANDS])]))
     cells = [f"{axis}{k}" for axis in "xz" for k in range(10)]
     rows = [f"{','.join(f'{v:g}' for v in (*X, *DEPTH))},{hand}" for hand in HANDS]
-    expect(read(tmp_path, [f"{','.join(cells)},{POSE}", *rows], units="mm"))
+    expect(read(tmp_path, [f"{','.join(cells)},{POSE}", *rows], unit="mm"))
     track = tmp_path / "hands.csv"
     track.write_text("time_s,x_mm,y_mm,z_mm,rx_rad,ry_rad,rz_rad\n"
                      + "".join(f"{k},400,{100 + 3 * k},300,3.141592653589793,0,0\n" for k in range(5)))  # fmt: skip

@@ -355,6 +355,15 @@ def test_what_a_plan_promises_is_kept_wherever_the_part_lies():
     assert binom.cdf(kept, 40, promised) > 0.005
 
 
+def test_a_plan_states_how_many_readings_a_session_needs(planned):
+    """Readings that replace misses are none of a session, which aims again."""
+    (found,) = planned.findings
+    enough = next(n for n, one in enumerate(planned.readings, 1) if one.within_if_hit >= 0.9)
+    assert 6 <= enough < len(planned.readings)
+    assert found.in_session == enough
+    assert f"{enough} suffice where all hit; the others replace misses. A session" in planned.message
+
+
 def test_the_share_of_placements_where_all_meet_is_as_counted(bracket, planned):
     found, rng = planned, np.random.default_rng(5)
     Ts = SE3.exp(rng.normal(size=(3000, 6)) @ np.linalg.cholesky(C).T)

@@ -25,7 +25,7 @@ def test_shared_errors_known_never_widen_a_pose(tmp_path):
         "\n".join([",".join(f"z{k}" for k in range(9)), ",".join(map(str, RANGES))]) + "\n"
     )
     rig = tanteo.read_rig(tmp_path / "rig.toml")
-    readings = tanteo.read_readings(tmp_path / "log.csv", rig=rig, hand="400,200,200mm 180,0,0deg", units="mm")
+    readings = tanteo.read_readings(tmp_path / "log.csv", rig=rig, hand="400,200,200mm 180,0,0deg", unit="mm")
     answer = tanteo.locate(readings, tanteo.read_part(PARTS / "block.step"), rig=rig)
     assert len(answer.hypotheses) > 1
     for one in answer.hypotheses:

@@ -222,7 +222,7 @@ def read_file(
         if units is None:
             raise
     if units is not None and (readings is None or any("--units" in note for note in readings.notes)):
-        readings, used = read(units=units), True
+        readings, used = read(unit=units), True
     assert readings is not None
     for note in readings.notes:
         complain("warning", note)

@@ -253,9 +253,10 @@ def _result(
 ) -> PlanResult:
     """Return the result of a plan."""
     goal, reached = _goal(design, tolerance), brings.within >= confidence
+    enough = next((n for n, one in enumerate(readings, 1) if one.within_if_hit >= confidence), 0)
     return PlanResult(
         goal, reached, len(readings), readings[-1].sd, brings.within, brings.if_all_hit, brings.all_meet,
-        brings.if_all_hit >= confidence, brings.within_assumed,
+        brings.if_all_hit >= confidence, brings.within_assumed, enough,
     )  # fmt: skip
 
 

@@ -45,8 +45,8 @@ def test_inward_vectors_raise_a_question(tmp_path):
     inwards = -away / np.linalg.norm(away, axis=1, keepdims=True)
     path = save(tmp_path, rows(np.c_[P, inwards]))
     with pytest.raises(ReadingsError, match="--direction ijk; otherwise"):
-        read_readings(path, units="mm")
-    np.testing.assert_allclose(read_readings(path, units="mm", direction="-ijk").directions, -inwards, atol=1e-5)
+        read_readings(path, unit="mm")
+    np.testing.assert_allclose(read_readings(path, unit="mm", direction="-ijk").directions, -inwards, atol=1e-5)
 
 
 @pytest.mark.parametrize("case", ["fanuc", "kuka", "abb", "ur"])
@@ -102,11 +102,11 @@ def test_excluded_rows_are_reported(tmp_path, case, notes):
         ("grbl", {}, "Use --radius 1.5mm (of the tip's ball; 0mm of a sharp tip)"),
         ("ply", {}, "expected --units with a PLY point cloud, got none. Use --units mm."),
         ("csv without units", {}, "Add it, or use --units mm."),
-        ("qif", {"units": "in"}, "expected lengths in mm, as the file states, got --units in"),
-        ("fusion", {"units": "mm", "radius": 0.001}, "got 1.5 mm in the file and --radius"),
-        ("pcd", {"units": "mm", "direction": "ijk"}, "expected vectors I J K"),
-        ("bcnc", {"units": "mm", "direction": "up"}, "got it in the file and --direction"),
-        ("asc with names", {"units": "mm", "normal_sd": 2.0}, "expected from"),
+        ("qif", {"unit": "in"}, "expected lengths in mm, as the file states, got --units in"),
+        ("fusion", {"unit": "mm", "radius": 0.001}, "got 1.5 mm in the file and --radius"),
+        ("pcd", {"unit": "mm", "direction": "ijk"}, "expected vectors I J K"),
+        ("bcnc", {"unit": "mm", "direction": "up"}, "got it in the file and --direction"),
+        ("asc with names", {"unit": "mm", "normal_sd": 2.0}, "expected from"),
         ("ur", {"radius": 0.0, "hand": np.eye(4)}, "got its own columns and --hand"),
         ("dmis", {"tool": [0, 0, 0.1]}, "expected --tool with poses of the hand"),
     ],
@@ -149,14 +149,14 @@ def test_what_is_lacking_or_too_much_is_named(tmp_path, case, stated, message):
 def test_malformed_logs_are_refused(tmp_path, content, message):
     path = save(tmp_path, content)
     with pytest.raises(InputError) as caught:
-        read_readings(path, units="mm" if "p[" not in content else None, radius=0.001)
+        read_readings(path, unit="mm" if "p[" not in content else None, radius=0.001)
     assert str(caught.value).startswith(str(path))
     assert message in str(caught.value) or "expected a header" in str(caught.value)
 
 
 def test_millimetres_that_were_called_metres_are_refused(tmp_path):
     with pytest.raises(UnitError, match="got one at 600 m: are these millimetres"):
-        read_readings(save(tmp_path, rows(10 * P)), units="m")
+        read_readings(save(tmp_path, rows(10 * P)), unit="m")
 
 
 def test_poses_of_urscript_in_millimetres_have_a_way_out(tmp_path):
@@ -164,7 +164,7 @@ def test_poses_of_urscript_in_millimetres_have_a_way_out(tmp_path):
     path = save(tmp_path, text)
     with pytest.raises(UnitError, match=r"are these millimetres\? Say --units mm"):
         read_readings(path, radius=0.0)
-    readings = read_readings(path, radius=0.0, units="mm")
+    readings = read_readings(path, radius=0.0, unit="mm")
     np.testing.assert_allclose(readings.points, [[0.57, -0.12, 0.3], [0.0005, 0.02, 0.3]])
 
 
@@ -173,32 +173,32 @@ def test_inches_of_the_console(tmp_path):
     np.testing.assert_allclose(read_readings(path, radius=0.001).points, [[0.0254, 0.0508, 0.0762]])
     silent = save(tmp_path, "[PRB:1.000,2.000,3.000:1]\n")
     assert "taken as millimetres" in read_readings(silent, radius=0.001).notes[0]
-    np.testing.assert_allclose(read_readings(silent, radius=0.001, units="in").points[:, 0], [0.0254])
+    np.testing.assert_allclose(read_readings(silent, radius=0.001, unit="in").points[:, 0], [0.0254])
 
 
 def test_a_dense_cloud_is_drawn_from(tmp_path):
     cloud = np.random.default_rng(0).uniform(-50, 50, (5000, 3))
     path = save(tmp_path, rows(cloud))
-    some = read_readings(path, units="mm", max_points=300)
+    some = read_readings(path, unit="mm", max_points=300)
     assert len(some) == 300
     assert "300 of 5,000 readings are used" in some.notes[-1]
-    np.testing.assert_array_equal(some.points, read_readings(path, units="mm", max_points=300).points)
-    assert len(read_readings(path, units="mm")) == 5000
+    np.testing.assert_array_equal(some.points, read_readings(path, unit="mm", max_points=300).points)
+    assert len(read_readings(path, unit="mm")) == 5000
 
 
 def test_a_viewpoint_gives_the_direction(tmp_path):
     path = save(tmp_path, rows(P))
-    readings = read_readings(path, units="mm", direction="from:0,0,500mm")
+    readings = read_readings(path, unit="mm", direction="from:0,0,500mm")
     beams = P - [0, 0, 500]
     np.testing.assert_allclose(readings.directions, beams / np.linalg.norm(beams, axis=1, keepdims=True), atol=1e-9)
 
 
 def test_normals_count_when_their_spread_is_stated(tmp_path):
     path = save(tmp_path, CASES["ply binary"][1])
-    readings = read_readings(path, units="mm", normal_sd=0.1)
+    readings = read_readings(path, unit="mm", normal_sd=0.1)
     np.testing.assert_allclose(readings.normals, UP, atol=1e-6)
     np.testing.assert_allclose(readings.normal_sds, 0.1)
-    assert not read_readings(path, units="mm").normal_sds.given.any()
+    assert not read_readings(path, unit="mm").normal_sds.given.any()
 
 
 def test_an_unknown_format_lists_all(tmp_path):
@@ -240,11 +240,11 @@ def test_an_interrupted_height_map_keeps_its_grid(tmp_path):
     grid = "0 20 3\n0 10 2\n-5 5 100\n"
     points = [(x, y, -1.5) for y in (0, 10) for x in (0, 10, 20)]
     for count in (6, 4):
-        readings = read_readings(save(tmp_path, grid + rows(points[:count])), units="mm", radius=1.0)
+        readings = read_readings(save(tmp_path, grid + rows(points[:count])), unit="mm", radius=1.0)
         assert len(readings) == count
         assert any(f"{6 - count} points of the grid of 3 x 2 missing" in note for note in readings.notes) == (count < 6)
     with pytest.raises(ReadingsError, match="3 x 2 points, got 7"):
-        read_readings(save(tmp_path, grid + rows([*points, (30, 10, -1)])), units="mm", radius=1.0)
+        read_readings(save(tmp_path, grid + rows([*points, (30, 10, -1)])), unit="mm", radius=1.0)
 
 
 @pytest.mark.parametrize("step", [11, pytest.param(1, marks=pytest.mark.slow)])
@@ -299,7 +299,7 @@ def test_circles_of_a_listing_are_centres(tmp_path):
         "CIR1 =FEAT/CONTACT/CIRCLE/DEFAULT,CARTESIAN,IN,LEAST_SQR\nTHEO/<10,20,5>,<0,0,1>,8\n"
         "ACTL/<10.01,20.02,5>,<0,0,1>,8.02\nCIR2 =FEAT/CIRCLE,POLAR,IN\nACTL/<1,2,3>,<0,0,1>,4\n"
     )
-    readings = read_readings(save(tmp_path, text), units="mm")
+    readings = read_readings(save(tmp_path, text), unit="mm")
     assert (readings.kinds, readings.material_sides) == (("centre",), ("hole",))
     np.testing.assert_allclose(readings.hole_radii, [4.01e-3])
     assert any("1 feature of other kinds, in polar coordinates" in note for note in readings.notes)
@@ -312,6 +312,9 @@ def test_circles_of_a_listing_are_centres(tmp_path):
         ("0 BEGIN PGM A MM\n1 L X+10 Y+20\n", "a Heidenhain program. Give the file that FN 16"),
         ("ISO-10303-21;\nHEADER;\n", "a CAD file (STEP). Give it with --part"),
         ("%PDF-1.7\n", "a PDF report"),
+        ("  0\nSECTION\n  2\nENTITIES\n", "a CAD file (IGES, DXF or VDA)"),
+        (f"{'A part':72}S      1\n", "a CAD file (IGES, DXF or VDA)"),
+        ("<table><tr><td>1</td></tr></table>", "a web page"),
         ("N10 CYCLE977(1,,1)\n", "a Siemens program or log"),
         ("Bilinear Leveling Grid:\n      0      1\n 0 +0.1 +0.2\n", "heights of a bed without places"),
         ("Stopped at height 1.234 mm\n", "heightmap.csv"),
@@ -320,7 +323,7 @@ def test_circles_of_a_listing_are_centres(tmp_path):
 )
 def test_other_files_are_named_with_what_to_export(tmp_path, content, message):
     with pytest.raises(ReadingsError) as caught:
-        read_readings(save(tmp_path, content), units="mm")
+        read_readings(save(tmp_path, content), unit="mm")
     assert message in str(caught.value)
 
 
@@ -332,7 +335,7 @@ def test_names_of_axes_in_a_table_are_no_words(tmp_path):
 
 def test_the_rest_of_a_row_with_names_is_no_number(tmp_path):
     rows = "".join(f"A,MEAS,p{k},{k}.5,20.25,30.5,2025-03-02 10:11:1{k}\n" for k in range(4))
-    readings = read_readings(save(tmp_path, rows), units="mm")
+    readings = read_readings(save(tmp_path, rows), unit="mm")
     assert readings.ids[0] == "A MEAS p0"
     np.testing.assert_allclose(readings.points[3], [3.5e-3, 20.25e-3, 30.5e-3])
 
@@ -353,7 +356,7 @@ def test_many_touches_in_a_row_are_repeats_of_a_place(tmp_path, form):
     places = [(1.0, 2.0, -3.0 - 1e-3 * k) for k in range(5)] + [(9.0, 2.0, -3.5), (9.0, 2.0, -3.4), (9.0, 8.0, -3.4)]
     words = [[f"{x:.3f}" for x in place] for place in places]
     lines = [form.format(",".join(w)) if form.count("{}") == 1 else form.format(*w) for w in words]
-    readings = read_readings(save(tmp_path, "\n".join(lines) + "\n"), units="mm", radius=0.0)
+    readings = read_readings(save(tmp_path, "\n".join(lines) + "\n"), unit="mm", radius=0.0)
     assert readings.ids == ("1", "2", "3", "4", "5", "7", "8")
     assert any("the last and slowest counts" in note for note in readings.notes)
 
@@ -401,7 +404,7 @@ def table(header, row, places=PLACES, comma=False):
     ],
 )
 def test_names_of_columns_in_other_words(tmp_path, header, row, comma):
-    readings = read_readings(save(tmp_path, table(header, row, comma=comma)), units=None if "MM" in header else "mm")
+    readings = read_readings(save(tmp_path, table(header, row, comma=comma)), unit=None if "MM" in header else "mm")
     np.testing.assert_allclose(1e3 * readings.points.values, PLACES)
 
 
@@ -417,7 +420,7 @@ def test_names_of_columns_in_other_words(tmp_path, header, row, comma):
 )
 def test_a_table_without_heights_holds_centres(tmp_path, header, row, comma):
     stated = "mm" not in header
-    readings = read_readings(save(tmp_path, table(header, row, comma=comma)), units="mm" if stated else None)
+    readings = read_readings(save(tmp_path, table(header, row, comma=comma)), unit="mm" if stated else None)
     assert set(readings.kinds) == {"centre"}
     np.testing.assert_allclose(1e3 * readings.points.values[:, :2], [p[:2] for p in PLACES])
     np.testing.assert_allclose(readings.hole_radii.values, 4.005e-3)
@@ -429,14 +432,14 @@ def test_the_measured_value_of_a_renishaw_report_counts(tmp_path):
         + "".join(f"POSN {a} {v:.3f} ACTUAL {v + 0.01:.3f} TOL 0.1 DEV 0.01\n" for a, v in zip("XYZ", p, strict=True))
         for k, p in enumerate(PLACES)
     )
-    readings = read_readings(save(tmp_path, rows), units="mm")
+    readings = read_readings(save(tmp_path, rows), unit="mm")
     np.testing.assert_allclose(1e3 * readings.points.values, np.array(PLACES) + 0.01)
 
 
 def test_two_nearly_equal_points_a_row_are_refused(tmp_path):
     rows = table("", "P{0} {1} {2} {3} {1}1 {2}1 {3}1 0.001").lstrip()
     with pytest.raises(ReadingsError, match="nominal and measured"):
-        read_readings(save(tmp_path, rows), units="mm")
+        read_readings(save(tmp_path, rows), unit="mm")
 
 
 def test_names_of_features_may_repeat_but_ids_may_not(tmp_path):
@@ -448,9 +451,56 @@ def test_names_of_features_may_repeat_but_ids_may_not(tmp_path):
 
 def test_a_table_of_heidenhain_ends(tmp_path):
     rows = table("BEGIN POINTS.PNT MM\nNR X Y Z", "{} {} {} {}") + "[END]\n"
-    np.testing.assert_allclose(1e3 * read_readings(save(tmp_path, rows), units="mm").points.values, PLACES)
+    np.testing.assert_allclose(1e3 * read_readings(save(tmp_path, rows), unit="mm").points.values, PLACES)
 
 
 def test_system_variables_of_a_skip_signal_are_positions(tmp_path):
     rows = table("", "#5061={1} #5062={2} #5063={3}").lstrip()
-    np.testing.assert_allclose(1e3 * read_readings(save(tmp_path, rows), units="mm").points.values, PLACES)
+    np.testing.assert_allclose(1e3 * read_readings(save(tmp_path, rows), unit="mm").points.values, PLACES)
+
+
+@pytest.mark.parametrize(
+    ("header", "row"),
+    [
+        ("A lathe", "HIT/BASIC,NORMAL,<1.5,2.5,3.5>,<0,0,1>,<{1},{2},{3}>,USE THEO=YES"),
+        ("$$ NO", "    HIT/VECTOR,1.5,2.5,3.5,0,0,1,{1},{2},{3}"),
+        ("Grbl 0.9j ['$' for help]", "[PRB:{1},{2},{3}]\nok"),
+        ("", "+X {1} {2} {3}"),
+        ("", "probe -Z: {1}, {2}, {3}"),
+        ("no,#5061,#5062,#5063", "{},{1},{2},{3}"),
+        ("", "(LOG {} 5061={1} 5062={2} 5063={3})"),
+        ("P = [", "  {1} {2} {3};"),
+        ("points = [", "    ({1}, {2}, {3}),"),
+        ("", "P{} = POINT / {1},{2},{3}"),
+    ],
+)
+def test_positions_of_other_programs_are_read(tmp_path, header, row):
+    end = {"P = [": "];\n", "points = [": "]\n"}.get(header, "")
+    readings = read_readings(save(tmp_path, table(header, row.replace("{}", "{0}")) + end), unit="mm", radius=0.0)
+    np.testing.assert_allclose(1e3 * readings.points.values, PLACES, atol=1e-9)
+
+
+def test_lists_of_points_on_one_line_are_read(tmp_path):
+    rows = ["({}, {}, {})", "{} {} {}"]
+    for text in (
+        f"[{', '.join(rows[0].format(*p) for p in PLACES)}]",
+        f"P = [{'; '.join(rows[1].format(*p) for p in PLACES)}];",
+    ):
+        readings = read_readings(save(tmp_path, text + "\n"), unit="mm")
+        np.testing.assert_allclose(1e3 * readings.points.values, PLACES, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("header", "row"),
+    [
+        ("x,y,z", '{1}",{2}",{3}"'),
+        ("x,y,z", '"{1}""","{2}""","{3}"""'),
+        ("", 'X {1}" Y {2}" Z {3}"'),
+        ("", "Point {}: X {1} Y {2} Z {3} in"),
+    ],
+)
+def test_marks_of_inches_state_the_unit(tmp_path, header, row):
+    readings = read_readings(save(tmp_path, table(header, row.replace("{}", "{0}")).lstrip()))
+    np.testing.assert_allclose(readings.points.values / 0.0254, PLACES, atol=1e-9)
+    with pytest.raises(UnitError, match="units"):
+        read_readings(save(tmp_path, table("", "X {1} Y {2} Z {3} in place").lstrip()))

@@ -58,7 +58,7 @@ XML = {
 def read(tmp_path, text, name="points.json", **options):
     file = tmp_path / name
     file.write_text(text, encoding="utf-8")
-    return tanteo.read_readings(file, **{"units": "mm", "radius": 0.0} | options)
+    return tanteo.read_readings(file, **{"unit": "mm", "radius": 0.0} | options)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -80,14 +80,14 @@ def test_objects_may_stand_on_lines_of_their_own(tmp_path):
 
 def test_names_units_and_excluded_points_are_kept(tmp_path):
     document = {"unit": "inch", "measured": [{"name": f"T{k}", **one} for k, one in enumerate(KEYS)], "nominal": KEYS}
-    readings = read(tmp_path, json.dumps(document), units=None)
+    readings = read(tmp_path, json.dumps(document), unit=None)
     assert list(readings.ids) == ["T0", "T1", "T2"]
     np.testing.assert_allclose(readings.points, np.array(POINTS) * 0.0254)
     assert any("3 nominal points excluded" in note for note in readings.notes)
     with pytest.raises(UnitError, match="in, as the file states"):
-        read(tmp_path, json.dumps(document), units="mm")
+        read(tmp_path, json.dumps(document), unit="mm")
     with pytest.raises(UnitError, match="--units"):
-        read(tmp_path, json.dumps(KEYS), units=None)
+        read(tmp_path, json.dumps(KEYS), unit=None)
 
 
 def test_normals_and_diameters_of_documents_are_read(tmp_path):

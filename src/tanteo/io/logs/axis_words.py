@@ -3,7 +3,7 @@
 Programs on controllers write their probe results so: DPRNT of FANUC and Haas (``DPRNT[X#5061[44]Y#5062[44]..]`` writes
 a blank for each leading zero; industryarena.com, "Discussion on HAAS DPRNT"), F-PRINT (FN 16) of Heidenhain and
 WRITE of Siemens (also ``X1=`` and ``$AA_MW[X]=``), whose texts their author chooses, answers of I++ DME servers, and
-exports such as ``P1, X=1.0, Y=2.0, Z=3.0, I=0, J=0, K=1``.
+exports such as ``P1, X=1.0, Y=2.0, Z=3.0, I=0, J=0, K=1``. A unit behind Z, also ``"``, is that of the position.
 A line with G or M codes is a program, not a result, and is not read.
 """
 
@@ -16,11 +16,11 @@ import numpy as np
 from tanteo.io.logs.contents import Contents
 from tanteo.io.logs.log import Log, counted, unique
 from tanteo.io.logs.table_text import find_header
-from tanteo.io.logs.value_words import LENGTH_UNITS
+from tanteo.io.logs.value_words import LENGTH_UNITS, plain
 
 _VALUE = r"([-+]?) *(\d+(?:\.\d*|,\d+)?|\.\d+)(?![\d.]|[eE][-+]?\d)"
 _AXIS = r"(?:[ _-]?(?:axis|achse|act(?:ual)?|ist|meas(?:ured)?|pos(?:ition)?|wert|value))?"
-_UNIT = r"(?:[ \t]*(mm|inch|in|um|m)(?![A-Za-z]))?"
+_UNIT = r"(?:[ \t]*(mm(?![A-Za-z])|(?:inch|in|um|m)(?=[ \t]*(?:[,;)\]]|[XYZ]\b|$))|[\"″]))?"
 _WORD = re.compile(
     rf"(?<![A-Za-z_])([XYZIJK])(?:\d[ \t]*[:=]|\][ \t]*=|{_AXIS}[ \t]*[:=]?)[ \t]*{_VALUE}{_UNIT}(?![ \t]+[-+.]?\d)",
     re.IGNORECASE,
@@ -33,7 +33,7 @@ _COMMAND = re.compile(r"^\d{5} (?![#])")
 _POSITION_REPORT = re.compile(r"\bE:\s*[-\d]|\bCount\b")
 _NOMINAL = re.compile(r"\b([XYZ])([ \t]*)[-+\d.,]+[ \t]+ACTUAL\b", re.IGNORECASE)
 """A nominal position before the measured one, as Renishaw's Inspection Plus prints: ``POSN X 10. ACTUAL 10.002``."""
-_MACRO = re.compile(r"(?:#506([123])|\bQ11([567]))[ \t]*(?==)")
+_MACRO = re.compile(r"(?:(?:#|\b)506([123])|\bQ11([567]))[ \t]*(?==)")
 """Variables with the position of the touch: ``#5061`` of FANUC, Haas and LinuxCNC, ``Q115`` of Heidenhain (TNC 640
 user's manual, "Coordinates after probing")."""
 _NAME = re.compile(r"\s*(?![XYZ][-+ ]*[\d.])([A-Za-z][\w.-]{0,40}|\d{1,9})\s*[,;:]?\s+(?=[XYZ])", re.IGNORECASE)
@@ -84,10 +84,12 @@ def read(contents: Contents) -> Log:
         outward = None if np.isnan(outward).all() else outward
     notes = [f"{counted(lost, 'position')} without all of their words excluded."] if lost else []
     names = [name for _, name, _ in found]
-    units = {unit.lower() for line in contents.lines for *_, unit in _WORD.findall(line)}
+    units = [(axis.upper(), plain(unit)) for line in contents.lines for axis, *_, unit in _WORD.findall(line)]
+    behind = {unit for axis, unit in units if axis == "Z"}  # the last one holds for all words of a position
+    same = len(behind) == 1 and {unit for _, unit in units} <= {"", *behind}
     return Log(
         points=points,
-        unit=LENGTH_UNITS[units.pop()] if len(units) == 1 and "" not in units else None,
+        unit=LENGTH_UNITS.get(behind.pop()) if same else None,
         outward=outward,
         ids=unique(names) if all(names) and len(set(names)) > 1 else None,
         notes=tuple(notes),

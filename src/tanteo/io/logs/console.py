@@ -1,7 +1,7 @@
 """Read console logs of GRBL and FluidNC: ``[PRB:x,y,z:1]`` after each probe move, ``:0`` where it made no contact.
 
-Coordinates are machine coordinates in millimetres, or in inches if ``$13=1`` (GRBL wiki, "Interface": probe
-parameters).
+GRBL 0.8 and early 0.9 report ``[PRB:x,y,z]`` after contacts only. Coordinates are machine coordinates in millimetres,
+or in inches if ``$13=1`` (GRBL wiki, "Interface": probe parameters).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from tanteo.io.logs.contents import Contents
 from tanteo.io.logs.log import Log, counted
 
-_REPORT = re.compile(r"\[PRB:([^\]:\n]{0,200}):([01])\]")
+_REPORT = re.compile(r"\[PRB:([^\]:\n]{0,200})(?::([01]))?\]")
 _INCHES = re.compile(r"^[ \t>]*\$(?:13|Report/Inches)=(\w+)", re.MULTILINE)
 
 
@@ -43,7 +43,7 @@ def read(contents: Contents) -> Log:
     for k, line in enumerate(contents.lines, start=1):
         for place, contact in _REPORT.findall(line):
             missed += contact == "0"
-            if contact == "1":
+            if contact != "0":
                 rows.append(place.split(",")[:3])
                 lines.append(k)
     if not rows:

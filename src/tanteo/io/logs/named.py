@@ -1,9 +1,9 @@
 """Name files that hold no readings, or not in a form that can be read, and state what to export instead.
 
-The marks are those of the formats' own first lines: ISO 10303-21 (STEP), PDF, HTML; ``BEGIN PGM`` of Heidenhain, and
-the logs of its touch probe cycles 420 to 431 (TNC 320, Touch probe cycles); ``CYCLE9xx`` and ``_OVR[]`` of Siemens
-(SINUMERIK, Measuring cycles); ``Bilinear Leveling Grid`` of Marlin (``G29.cpp``); ``[bed_mesh`` of Klipper's
-``printer.cfg``.
+The marks are those of the formats' own first lines: ISO 10303-21 (STEP), IGES, DXF, VDA-FS (DIN 66301), PDF, HTML;
+``BEGIN PGM`` of Heidenhain, and the logs of its touch probe cycles 420 to 431 (TNC 320, Touch probe cycles);
+``CYCLE9xx`` and ``_OVR[]`` of Siemens (SINUMERIK, Measuring cycles); ``Bilinear Leveling Grid`` of Marlin
+(``G29.cpp``); ``[bed_mesh`` of Klipper's ``printer.cfg``.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ from tanteo.io.logs.contents import Contents
 _LINE = re.MULTILINE | re.IGNORECASE
 _NAMED = (
     (r"\A\s*ISO-10303-21\s*;", "a CAD file (STEP)", "Give it with --part; the readings are another file"),
+    (r"\A.{72}S *1 *$|\A\s*0\s*\n\s*SECTION\s*$|\A\s*\w+ *= *HEADER */", "a CAD file (IGES, DXF or VDA)",
+     "Give a STEP file with --part; export its points as a table x_mm,y_mm,z_mm"),
     (r"\A%PDF-", "a PDF report", "Export the measured points as text or CSV"),
-    (r"\A\s*<(?:!doctype html|html)\b", "a web page", "Export the measured points as text or CSV"),
+    (r"\A\s*<(?:!doctype html|html|table)\b", "a web page", "Export the measured points as text or CSV"),
     (r"^\s*\d*\s*BEGIN PGM\b", "a Heidenhain program", "Give the file that FN 16: F-PRINT writes, with X, Y and Z"),
     (r"^[^\n;]*\bCYCLE9\d\d\b", "a Siemens program or log of measuring cycles",
      "Write the measured points with WRITE as lines X=.. Y=.. Z=.., or as a table"),

@@ -19,7 +19,7 @@ _NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 _COMMA_NUMBER = re.compile(r"[-+]?\d+(?:,\d+)?", re.ASCII)
 _WORD = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,;]+")
 _WIDE_WORD = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s;]+")
-_NAME = re.compile(r"\"[^\"]*\"|'[^']*'|\w\S*")
+_NAME = re.compile(r"\"[^\"]*\"|'[^']*'|\w\S*|[-+][XYZxyz]:?")
 _NO_NAME = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
 _COMMENT = ("#", "//", "%", "(")
 _ENOUGH = 50
@@ -67,6 +67,29 @@ def _bare(line: str) -> str:
     return _BRACKETS.sub(r"\1", line) if line.rstrip(" \t,;")[-1:] in (")", "]", "}") else line
 
 
+_ASSIGNED = re.compile(r"[A-Za-z][\w.]*\s*=\s*(?:[\w.]+\()?(?=[\[({])")
+_BETWEEN = re.compile(r"(?<=[)\]}])\s*[,;]\s*(?=[(\[{])")
+_VDA = re.compile(r"(\w+)\s*=\s*POINT\s*/\s*")
+"""Point of VDA-FS (DIN 66301), ``P1 = POINT / 1.0, 2.0, 3.0``."""
+_LIST = "[](){},; \t"
+"""Characters around the rows of a list."""
+
+
+def _rows(line: str) -> list[str]:
+    """Return the rows of a line: of lists in programs (``P = [1 2 3; 4 5 6]``, ``[(1, 2, 3), (4, 5, 6)]``) several."""
+    line = line.strip()
+    if "=" in line:
+        line = _VDA.sub(r"\1 ", _ASSIGNED.sub("", line, count=1), count=1)
+    if line[:1] not in set("[({])}"):
+        return [_bare(line)]
+    pieces = _BETWEEN.split(line)
+    if line[0] == "[":
+        pieces = [part for piece in pieces for part in piece.split(";")]
+    if len(pieces) > 1:
+        pieces = [piece.strip(_LIST) for piece in pieces]
+    return [_bare(piece) for piece in pieces if piece.strip(_LIST)]
+
+
 def _is_comment(line: str) -> bool:
     return line.startswith(_COMMENT)
 
@@ -77,7 +100,7 @@ def first_rows(contents: Contents) -> NumberRows | None:
     Args:
         contents: file to read.
     """
-    lines = [_bare(line.strip()) for line in contents.head.splitlines()[: _ENOUGH + 20]]
+    lines = [row for line in contents.head.splitlines()[: _ENOUGH + 20] for row in _rows(line)]
     if len(contents.data) > len(contents.head.encode()):
         lines = lines[:-1] or lines
     kept = [line for line in lines if line and not _is_comment(line)]
@@ -100,8 +123,8 @@ def all_rows(contents: Contents, what: str) -> NumberRows:
         ReadingsError: a line is not numeric or has another number of columns, or the file ends within a number; the
             message names the line.
     """
-    bare = map(_bare, contents.lines)
-    kept = [(k, line) for k, line in enumerate(bare, start=1) if line and not _is_comment(line)]
+    bare = ((k, row) for k, line in enumerate(contents.lines, start=1) for row in _rows(line))
+    kept = [(k, line) for k, line in bare if line and not _is_comment(line)]
     if kept and is_whole(kept[0][1]):
         kept = kept[1:]
     first = [row for _, line in kept[:_ENOUGH] if (row := _row(line))]

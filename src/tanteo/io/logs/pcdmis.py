@@ -3,7 +3,9 @@
 A feature of the listing is ``PNT1 =FEAT/CONTACT/VECTOR POINT/DEFAULT,CARTESIAN``, ``THEO/<x,y,z>,<i,j,k>``, then
 ``ACTL/<x,y,z>,<i,j,k>``, the measured values (docs.hexagonmi.com, PC-DMIS core, "Understanding the General Command
 Format", "Creating a ReadPoint from the Probe's Position"); circles, cylinders and spheres have the diameter behind.
-Older versions write no angle brackets. Points are those of the surface: the program has compensated the ball.
+Older versions write no angle brackets. A listing without measured features has the hits of others:
+``HIT/BASIC,NORMAL,<x,y,z>,<i,j,k>,<x,y,z>,USE THEO=YES``, the nominal point, its vector and the measured point. Points
+are those of the surface: the program has compensated the ball.
 """
 
 from __future__ import annotations
@@ -16,6 +18,9 @@ from tanteo.io.logs.round_features import Feature, log_of
 
 _FEATURE = re.compile(r"^\s*([^\s=]{1,60})\s*=\s*FEAT\s*/\s*([^\n]{1,300})", re.IGNORECASE)
 _VALUES = re.compile(r"^\s*(ACTL|THEO)\s*/\s*(.{1,300})", re.IGNORECASE)
+_HIT = re.compile(r"^\s*HIT\s*/\s*[A-Z]+\s*,\s*(?:[A-Z]+\s*,)?\s*([-+<\d.].{1,300})", re.IGNORECASE)
+_OF_HIT = 9
+"""Number of values of a hit: nominal point, vector, measured point."""
 _UNITS = re.compile(r"\bUNITS\s*=\s*(MM|IN(?:CH)?)\b", re.IGNORECASE)
 _SHAPES = {"POINT": None, "CIRCLE": "circle", "CYLINDER": "cylinder", "SPHERE": "sphere"}
 _POLAR = ("POLAR", "POLR")
@@ -29,7 +34,9 @@ def recognise(contents: Contents) -> bool:
         contents: file to test.
     """
     listed = re.search(r"^\s*(?:ACTL|THEO)\s*/", contents.head, re.MULTILINE)
-    return listed is not None and "FEAT/" in contents.head.replace(" ", "")
+    if listed is not None and "FEAT/" in contents.head.replace(" ", ""):
+        return True
+    return any(map(_HIT.match, contents.head.splitlines()))
 
 
 def read(contents: Contents) -> Log:
@@ -43,6 +50,7 @@ def read(contents: Contents) -> Log:
     """
     lines = contents.lines[:-1] if contents.is_open else contents.lines
     features, left, notes = _of_listing(lines)
+    features = features or _of_hits(lines)
     if contents.is_open and lines:
         notes.append("The last line has no line break and is excluded: the file may be cut off.")
     if not features:
@@ -52,6 +60,14 @@ def read(contents: Contents) -> Log:
         notes.append(f"{counted(left, 'feature')} of other kinds, in polar coordinates or incomplete excluded.")
     unit = {"mm": "mm", "in": "in", "inch": "in"}.get((_UNITS.findall(contents.text) or [""])[0].lower())
     return log_of(contents, features, unit, notes)
+
+
+def _of_hits(lines: list[str]) -> list[Feature]:
+    """Return the measured points of hits."""
+    hits = [(k, match[1]) for k, line in enumerate(lines, start=1) if (match := _HIT.match(line))]
+    cells = [(k, [cell for cell in re.split(r"[<>,\s]+", values) if cell]) for k, values in hits]
+    found = [(k, words[:_OF_HIT]) for k, words in cells if len(words) >= _OF_HIT]
+    return [Feature(k, f"HIT{n}", None, "", one[6:], one[3:6], "") for n, (k, one) in enumerate(found, start=1)]
 
 
 def _of_listing(lines: list[str]) -> tuple[list[Feature], int, list[str]]:

@@ -27,7 +27,7 @@ from tanteo.io.logs.round_features import Feature, log_of
 
 _JSON = re.compile(r"\A\s*(?:\{\s*\"|\[\s*[\[{](?!\s*[-+.\d][-+.\deE]*[ \t]+[-+.\d]))")
 _XML = re.compile(r"\A\s*<(?:\?xml\b|!DOCTYPE\b|[A-Za-z_][\w.:-]*[\s>/])")
-_WEB = re.compile(r"\A\s*<(?:!doctype html|html)\b", re.IGNORECASE)
+_WEB = re.compile(r"\A\s*<(?:!doctype html|html|table)\b", re.IGNORECASE)
 
 _MEASURED = ("measured", "actual", "meas", "act", "ist", "measurement", "measuredpoint", "actualpoint")
 _NOMINAL = ("nominal", "nom", "theoretical", "theo", "soll", "reference", "expected", "target", "cad")

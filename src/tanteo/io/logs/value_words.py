@@ -30,7 +30,7 @@ VALUE = r"(?:value|val|wert|valeur|valore?|waarde|値|值|값)"
 LENGTH_UNITS = {
     "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm", "m": "m",
     "meter": "m", "meters": "m", "metre": "m", "metres": "m", "in": "in", "inch": "in", "inches": "in", "zoll": "in",
-    "um": "um", "micron": "um", "microns": "um",
+    "um": "um", "micron": "um", "microns": "um", '"': "in",
 }  # fmt: skip
 """Unit by its name in a file."""
 _UNIT_LINE = re.compile(
@@ -45,7 +45,7 @@ def plain(text: str) -> str:
     Args:
         text: text as written.
     """
-    text = text.lower().replace("µ", "u").replace("μ", "u")
+    text = text.lower().replace("µ", "u").replace("μ", "u").replace("″", '"')
     return text if text.isascii() else normalize("NFC", "".join(c for c in normalize("NFKD", text) if not combining(c)))
 
 

@@ -11,8 +11,9 @@ _BRACKETS = re.compile(r"(.*?)[\s_]*[\[({<]\s*([^\[\](){}<>]{0,20}?)\s*[\])}>]")
 _SLASH = re.compile(r"(.+?)\s*/\s*(\w+|°)")
 _GLUED = re.compile(rf"(m|p|pt|pos|point|{MEASURED})([xyz])|([xyz])(m|a|{MEASURED})")
 """Names of coordinates with a word or letter for measured values: ``MX``, ``ActX``, ``Xa``."""
-_SURVEYED = {"easting": "x", "northing": "y", "elevation": "z", "ostwert": "x", "rechtswert": "x", "hochwert": "y"}
-"""Coordinates of surveying: east, north, up is a right-handed frame."""
+_SURVEYED = {"easting": "x", "northing": "y", "elevation": "z", "ostwert": "x", "rechtswert": "x", "hochwert": "y",
+             "#5061": "x", "#5062": "y", "#5063": "z"}  # fmt: skip
+"""Coordinates of surveying (east, north, up is a right-handed frame), and variables with the position of a touch."""
 _BLANKS = re.compile(r"[\s.\-]+")
 _UNIT_WORDS = {
     "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm", "meter": "m", "meters": "m",

@@ -40,8 +40,8 @@ _LARGEST_JSON = 200_000_000
 _LAST = 50
 """Number of rows whose decimals are compared with those of the last cell."""
 
-_UNIT_LETTERS = " minu"
-"""Letters of the length units that may stand in cells."""
+_UNIT_LETTERS = ' minu"″'
+"""Letters and marks of the length units that may stand in cells."""
 
 _UNITS = (*units.LENGTH_UNITS, *units.ANGLE_UNITS)
 

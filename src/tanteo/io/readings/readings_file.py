@@ -45,7 +45,7 @@ def read_readings(
     progress: Callable[[int], None] | None = None,
     *,
     format: str | None = None,
-    units: str | None = None,
+    unit: str | None = None,
     radius: float | None = None,
     direction: str | Vectors | Direction | None = None,
     normal_sd: float | None = None,
@@ -66,13 +66,14 @@ def read_readings(
     """Read a file of readings in any known format (``docs/formats_logs.md``), recognized by its content.
 
     The readings' ``notes`` list assumptions and ignored content. If the file lacks a required value, the error names
-    the command-line option: ``--radius`` is the argument ``radius``.
+    the command-line option: ``--radius`` is the argument ``radius``, and ``--units`` is ``unit``, as in
+    :func:`tanteo.read_parts`.
 
     Args:
         path: file to read.
         progress: function called repeatedly with the number of rows read so far; None for none.
         format: name of the format, to override recognition; ``csv`` is a table with a header.
-        units: length unit of numbers without one: mm, m, um or in.
+        unit: length unit of numbers without one: mm, m, um or in.
         radius: radius of the tip's ball [m], 0 for a sharp tip; the points are centres of the ball.
         direction: approach or viewing direction of all rows: a vector ``(3,)`` into the material, ``"down"``, ``"-z"``;
             ``"tool"`` for the z axis of the tip; ``"from:0,0,500mm"`` for a viewpoint; ``"ijk"`` or ``"-ijk"`` for the
@@ -107,8 +108,8 @@ def read_readings(
     check_kind("path", path, (str, Path), "Name the file.")
     path = Path(path)
     stated = Stated(
-        units=units, radius=radius, direction=as_direction(direction), normal_sd=normal_sd, brand=as_brand(brand),
-        tool=as_pose("tool", tool), hand=_hand(hand, units, brand), rig=rig, device=device, sensor=sensor,
+        units=unit, radius=radius, direction=as_direction(direction), normal_sd=normal_sd, brand=as_brand(brand),
+        tool=as_pose("tool", tool), hand=_hand(hand, unit, brand), rig=rig, device=device, sensor=sensor,
         analog=None if analog is None else parse_scale(analog),
         special=(*parse_special(no_target, "no_target", "none"), *parse_special(invalid, "invalid", INVALID)),
         max_points=max_points,

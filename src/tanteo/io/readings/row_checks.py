@@ -14,7 +14,7 @@ _STATISTIC = re.compile(
     r"|mittel(?:wert)?|durchschnitt|summe|moyenne|ecart[- ]type|media|promedio|somme|suma|(?:平均|最大|最小)[値值]?"
 )
 """Names of rows that summarize the others."""
-_UNIT = re.compile(r"[-+]?\d[\d.,eE+-]*\s*([a-z]{1,11})")
+_UNIT = re.compile(r"[-+]?\.?\d[\d.,eE+-]*\s*([a-z]{1,11}|\")")
 _DIGIT = re.compile(r"\d")
 _WITH_UNIT = re.compile(r".*[\s_\[(./](?:mm|cm|m|um|in)[\])]?")
 """Name of a column that states its unit, which cells in another unit contradict."""

@@ -39,8 +39,8 @@ _FEW = 3
 """Smallest number of vectors whose lengths are judged."""
 _SHOWN = 20
 """Largest number of excluded columns that a note lists."""
-_WITH_UNIT = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*(mm|cm|m|um|in)")
-_METRES = {**LENGTH_UNITS, "cm": 1e-2}
+_WITH_UNIT = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+))\s*(mm|cm|m|um|in|[\"″])")
+_METRES = {**LENGTH_UNITS, "cm": 1e-2, '"': LENGTH_UNITS["in"], "″": LENGTH_UNITS["in"]}
 INVALID = "invalid"
 """Status of a row without a measurement, which is excluded."""
 _STATUSES, _SIDES = ("ok", "none", INVALID), ("hole", "boss")

@@ -31,8 +31,8 @@ def course_section(session: Session, added: Sequence[Added]) -> Section:
         added: information of each step, see :func:`tanteo.planning.explanation.explain`.
     """
     lead = (
-        "Each reading with its reason and its result. A decision between two equally probable "
-        "cases needs 0.7 nats. The curves show the probability of each part, and the largest corner sd "
+        "Each reading with its reason and its result. Information is in nats: a decision between two equally "
+        "probable cases needs 0.7. The curves show the probability of each part, and the largest corner sd "
         "of the most probable one (logarithmic scale)."
     )
     steps = session.steps

@@ -53,6 +53,8 @@ class PlanResult(Finding):
         better_start: whether a better prior pose would help; otherwise a better sensor or another approach.
         within_assumed: probability that the tolerance is kept if the readings share the errors that ``locate`` assumes
             if none are stated; NaN if it was not computed.
+        in_session: number of readings after which the tolerance is kept with the demanded confidence if all of them
+            hit their faces, as a session aims them; 0 if it is not.
     """
 
     kind: ClassVar[str] = "plan_result"
@@ -66,6 +68,7 @@ class PlanResult(Finding):
     all_meet: float
     better_start: bool = False
     within_assumed: float = float("nan")
+    in_session: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,6 +59,11 @@ def _(one: f.PlanResult) -> Words:
     after = f"After them: {_spread(one.goal, one.sd)}."
     if not math.isnan(one.within_assumed):
         after += f" With a scale error, drift and warp as locate assumes them: P = {_at_least(one.within_assumed)}."
+    if 0 < one.in_session < one.count:
+        after += (
+            f" {one.in_session} suffice where all hit; the others replace misses. A session, which aims each reading by "
+            f"the results before it, needs {one.in_session} or a few more."
+        )
     smaller = _SMALLER if one.within_assumed < one.within - _NOTABLE else ""
     places = "1 reading places" if one.count == 1 else f"{one.count} readings place"
     if one.reached:

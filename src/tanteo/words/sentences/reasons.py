@@ -18,8 +18,8 @@ def _(one: f.MostInformation) -> Words:
 @words_of.register
 def _(one: f.ViewFirst) -> Words:
     text = (
-        f"A view first: {one.gain:.2g} nats are expected in {one.seconds:.1f} s, of the best reading "
-        f"{one.other_gain:.2g} nats in {one.other_seconds:.1f} s."
+        f"A view first: it is expected to exclude {excluded(one.gain)} of the possible parts and poses in "
+        f"{one.seconds:.1f} s, the best reading {excluded(one.other_gain)} in {one.other_seconds:.1f} s."
     )
     left = ", ".join(f"{count} {reason}" for reason, count in one.excluded)
     return f"{text} Excluded views: {left}." if left else text, ""
