@@ -61,8 +61,8 @@ def _(one: f.PlanResult) -> Words:
         after += f" With a scale error, drift and warp as locate assumes them: P = {_at_least(one.within_assumed)}."
     if 0 < one.in_session < one.count:
         after += (
-            f" {one.in_session} suffice where all hit; the others replace misses. A session, which aims each reading by "
-            f"the results before it, needs {one.in_session} or a few more."
+            f" {one.in_session} suffice where all hit; the others replace misses. A session, which aims each reading "
+            f"by the results before it, needs {one.in_session} or a few more."
         )
     smaller = _SMALLER if one.within_assumed < one.within - _NOTABLE else ""
     places = "1 reading places" if one.count == 1 else f"{one.count} readings place"
