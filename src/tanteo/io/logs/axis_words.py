@@ -85,11 +85,11 @@ def read(contents: Contents) -> Log:
     notes = [f"{counted(lost, 'position')} without all of their words excluded."] if lost else []
     names = [name for _, name, _ in found]
     units = [(axis.upper(), plain(unit)) for line in contents.lines for axis, *_, unit in _WORD.findall(line)]
-    behind = {unit for axis, unit in units if axis == "Z"}  # the last one holds for all words of a position
-    same = len(behind) == 1 and {unit for _, unit in units} <= {"", *behind}
+    last = {unit for axis, unit in units if axis == "Z"}  # the last one holds for all words of a position
+    same = len(last) == 1 and {unit for _, unit in units} <= {"", *last}
     return Log(
         points=points,
-        unit=LENGTH_UNITS.get(behind.pop()) if same else None,
+        unit=LENGTH_UNITS.get(last.pop()) if same else None,
         outward=outward,
         ids=unique(names) if all(names) and len(set(names)) > 1 else None,
         notes=tuple(notes),
