@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.planning import CellCheck, CellError
 from tanteo.render.text.layout import PLAIN, Layout, printable
-from tanteo.words.figures import excluded
+from tanteo.words import percent
 
 _UNKNOWN = 0.1
 """Explained fraction of an error's variance below which the readings hardly determine it."""
@@ -71,5 +71,5 @@ def _next(check: CellCheck) -> str:
     along = f"({dx:z.3f}, {dy:z.3f}, {dz:z.3f})"
     return printable(
         f"Next: {one.face} at ({x:z.1f}, {y:z.1f}, {z:z.1f}) mm along {along}, the hand {turned}: "
-        f"expected to exclude {excluded(one.gain)} of the errors that are still possible."
+        f"expected to exclude {percent(-np.expm1(-one.gain))} of the errors that are still possible."
     )

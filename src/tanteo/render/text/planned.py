@@ -9,7 +9,6 @@ import numpy as np
 from tanteo.planning.following import NextReading
 from tanteo.render.text.layout import PLAIN, Layout, printable
 from tanteo.words import headline_of, percent
-from tanteo.words.figures import excluded
 
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray, Vectors
@@ -120,7 +119,7 @@ def next_lines(answer: Answer, found: NextReading | Finding | None, *, layout: L
         f"  point       {place} mm (world)",
         f"  start       {start} mm",
         f"  direction   {along}",
-        f"  excludes    {excluded(one.gain)} of the possible parts and poses, as expected",
+        f"  excludes    {percent(-np.expm1(-one.gain))} of the possible parts and poses, as expected",
         "  expected distance from the start to the contact" + (", of the ball's centre:" if one.radius else ":"),
     ]
     for e in step.expected[:_SHOWN]:
