@@ -6,7 +6,8 @@ smooth closed shapes of 16,000 triangles, drawn by spherical waves. Ratio: media
 
 ``history`` appends the rows to ``benchmarks/history.csv``: the median over the time of a fixed task of NumPy in the
 same process, so that computers of different speed compare. ``ratios`` prints the same lines, as CI does for a fast row.
-``scores POINTS SCENES SEED`` prints how right the probabilities of few points are.
+``scores POINTS SCENES SEED`` prints how right the probabilities of few points are. ``threads`` prints the elapsed time
+of some rows with one and with two threads, each in a process of its own; the processor must be idle otherwise.
 """
 
 from __future__ import annotations
@@ -324,6 +325,41 @@ def scores(n, count, seed):
     )
 
 
+THREADED = {
+    "20 points, 12 parts": (question(demo, 20, 3e-4), 12),
+    "part in no folder, 12 points, 11 parts": (question(demo, 12, 3e-4, missing=True), 6),
+    "6 points, 12 parts": (question(demo, 6, 3e-4), 4),
+    "12 points of 2 mm, 12 parts": (question(demo, 12, 2e-3), 4),
+}
+
+
+def elapsed():
+    """Print the elapsed and the processor time [ms] of each row of ``THREADED`` as a JSON list."""
+    found = []
+    for identified, count in THREADED.values():
+        identified(count)  # prepares the parts
+        start, processor = time.perf_counter(), sum(identified(k)[0] for k in range(count))
+        found.append((1e3 * (time.perf_counter() - start) / count, processor / count))
+    print(json.dumps(found))
+
+
+def threads():
+    """Return the table of elapsed times with one and with two threads."""
+    rows = []
+    for count in ("1", "2"):
+        environment = {**os.environ, "OMP_NUM_THREADS": count, "OPENBLAS_NUM_THREADS": "1"}
+        done = subprocess.run(
+            [sys.executable, __file__, "elapsed"], env=environment, capture_output=True, text=True, check=True
+        )
+        rows.append(json.loads(done.stdout))
+    lines = [
+        (name, *(f"{value:.0f}" for value in (one[0], two[0], one[1], two[1])), f"{one[0] / two[0]:.2f}")
+        for name, one, two in zip(THREADED, *rows, strict=True)
+    ]
+    columns = "scene", "elapsed, 1 thread", "elapsed, 2", "processor, 1 thread", "processor, 2", "ratio of elapsed"
+    return Table("Two threads against one", "Means in milliseconds; aim of the ratio: 1.7.", columns, lines)
+
+
 def main():
     """Print the table of the rows that the arguments name."""
     words = [word for word in sys.argv[1:] if word not in ("seeds", "history", "ratios")]
@@ -353,6 +389,12 @@ def main():
 
 
 if __name__ == "__main__":
+    if sys.argv[1:] == ["threads"]:
+        print(threads().markdown())
+        sys.exit()
+    if sys.argv[1:] == ["elapsed"]:
+        elapsed()
+        sys.exit()
     for pool in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         assert os.environ.get(pool) == "1", f"{pool}: expected 1, so that processor time is that of one thread."
     if sys.argv[1:2] == ["first"]:

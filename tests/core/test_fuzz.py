@@ -82,7 +82,8 @@ def test_valid_questions_are_answered(seed):
     answers += [_core.scores(shape, core, rows, Ts, scale, 0.3)]
     answers += _core.refine_poses(shape, core, rows, np.array([scale]), Ts[:2])[:2]
     pairs = rows[: len(rows) // 2 * 2]
-    answers += _core.propose(shape, core, rows, pairs, 5, 4, scale, scale, 0.3, 5, seed)
+    seeds = np.full(len(pairs) // 2, seed)
+    answers += _core.propose(shape, core, rows, pairs, 5, 4, scale, scale, 0.3, 5, seeds)
     for answer in answers:
         assert not np.isnan(answer).any()
 
@@ -233,12 +234,14 @@ def test_maximizations_that_make_no_sense_are_refused_by_name(name, value):
 
 def test_searches_that_keep_nothing_are_refused():
     shape, core, rows = BLOCK.shape(), point_question(np.eye(3)[:2], 1e-3).core(), np.arange(2, dtype=np.int32)
-    good = {"per_pair": 5, "spins": 4, "tolerance": 1.0, "blur": 1.0, "tilt": 1.0, "keep": 3, "seed": 0}
+    good = {"per_pair": 5, "spins": 4, "tolerance": 1.0, "blur": 1.0, "tilt": 1.0, "keep": 3, "seeds": np.zeros(1, int)}
     for bad in ({"keep": 0}, {"blur": 0.0}, {"tilt": np.nan}, {"tolerance": -1.0}, {"spins": 0}, {"per_pair": -1}):
         with pytest.raises(ValueError, match=next(iter(bad))):
             _core.propose(shape, core, rows, rows, **{**good, **bad})
     with pytest.raises(ValueError, match="rows"):
         _core.propose(shape, core, rows + 2, rows, **good)
+    with pytest.raises(ValueError, match="pairs"):
+        _core.propose(shape, core, rows, rows, **{**good, "seeds": np.zeros(2, int)})
     assert _core.propose(shape, core, rows, rows, **good)[0].shape[1:] == (4, 4)
 
 

@@ -15,6 +15,7 @@ import sys
 import numpy as np
 from core.bodies import flat_bodies
 from core.questions import point_question, near_pose, random_pose, with_shared
+import tanteo
 from tanteo import _core
 
 rng, body, T = np.random.default_rng(3), flat_bodies()["bracket"], random_pose(np.random.default_rng(4))
@@ -29,11 +30,19 @@ out = [
     *_core.refine_poses(shape, core, np.arange(200, dtype=np.int32), np.array([0.01, 3e-3, 1e-3]), Ts),
     *_core.maximize(shape, core, Ts, zs, np.array([6e-3]), 10, 1e-3, 1e6),
 ]
+parts = [
+    tanteo.part_from_mesh(one.vertices, one.triangles, unit="m", name=name)
+    for name, one in list(flat_bodies().items())[:4]
+]
+points = body.surface_points(12, rng)[0] @ T[:3, :3].T + T[:3, 3]
+readings = tanteo.Readings.from_columns(points=points, sds=np.full(12, 3e-4))
+for one in tanteo.identify(readings, parts, top=9).hypotheses:
+    out += [one.T_world_part, one.covariance, np.array(one.probability)]
 np.savez(sys.argv[1], *out)
 """
 
 
-@pytest.mark.parametrize("counts", [("1", "3"), pytest.param(("1", "many"), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("counts", [("1", "3"), pytest.param(("1", "2", "many"), marks=pytest.mark.slow)])
 def test_threads_change_no_number(tmp_path, counts):
     answers = []
     for threads in counts:

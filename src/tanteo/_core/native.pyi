@@ -12,6 +12,7 @@ Indices: TypeAlias = NDArray[np.int32]
 Numbers: TypeAlias = NDArray[np.int64]
 Flags: TypeAlias = NDArray[np.bool_]
 
+def most_threads() -> int: ...
 def version() -> str: ...
 
 class Shape:
@@ -118,8 +119,8 @@ def propose(
     blur: float,
     tilt: float,
     keep: int,
-    seed: int,
-) -> tuple[FloatArray, FloatArray]: ...
+    seeds: Numbers,
+) -> tuple[FloatArray, Indices]: ...
 def scores(
     shape: Shape,
     problem: Problem,

@@ -16,7 +16,7 @@ pairs of points led (Good 1953, Turing's estimate of unseen probability).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,7 +28,14 @@ from tanteo.geometry.special import log_sum, softmax
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.outliers import beta_binomial_tail
-from tanteo.posterior.part_search import PartSearch, common_random_numbers, spread, start_search, start_searches
+from tanteo.posterior.part_search import (  # fmt: skip
+    Leader,
+    PartSearch,
+    common_random_numbers,
+    spread,
+    start_search,
+    start_searches,
+)
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals import InitialPoses
@@ -41,7 +48,8 @@ from tanteo.posterior.proposals.centre_votes import lacking, on_axes, sensed_cen
 from tanteo.posterior.proposals.coarse_field import evaluate_fields
 from tanteo.posterior.proposals.plane_votes import competing, cost_margin, on_planes, voted
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
-from tanteo.posterior.settings import POSE_DOF
+from tanteo.posterior.settings import POSE_DOF, Effort
+from tanteo.posterior.threads import for_each
 
 __all__ = ["Active", "PartSearch", "Unsearched", "prune", "screen", "start_search", "still_active"]
 
@@ -295,10 +303,11 @@ def prune(
     searches, live = start.searches, list(start.live)
     if not exhaustive or not max(searches, key=lambda s: s.log_evidence).is_good_fit():
         second = problem.settings.second_pass
-        for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be pruned
-            wide = margin / problem.settings.pruning.estimate_weight
-            if len(live) == 1 or search in still_active(live, log_unknown, wide):
-                search.restart(second, _leader(searches))
+        wide = margin / problem.settings.pruning.estimate_weight
+        for batch in _batches(sorted(live, key=lambda s: -s.log_evidence)):
+            # once one explains the points, others may be pruned
+            near = batch if len(live) == 1 else [s for s in batch if s in still_active(live, log_unknown, wide)]
+            _restart_all(near, searches, second)
     _pass_on(live)
     if not _may_be_missed(problem, searches):
         live = still_active(live, log_unknown, margin)
@@ -367,20 +376,19 @@ def _first_pass(
         planes = competing(passes[0].planes, parts, problem.settings)
         for one in (*passes, *searches):
             one.planes = planes
-    done = list[PartSearch]()
-    for k in np.argsort([one.known_cost() for one in passes], kind="stable"):  # a leader saves maximizations of others
-        passes[k].restart(effort, _leader(done))
-        done.append(passes[k])
+    order = np.argsort(for_each(PartSearch.known_cost, passes), kind="stable")
+    for batch in _batches([passes[k] for k in order]):  # a leader saves maximizations of others
+        _restart_all(batch, passes, effort)
     _pass_on(passes)
     margin = problem.settings.search.negligible / problem.settings.pruning.estimate_weight
     active = {id(one) for one in still_active(passes, -np.inf, margin)}
-    live = []
-    for search, one in zip(searches, passes, strict=True):
-        if id(one) in active:
-            live.append(search)
-        if search is not one:
-            (_continue_with_all if id(one) in active else PartSearch.take_tried)(search, one)
-    return _Start(searches, live, others, dropped, tail)
+    kept = [(search, one) for search, one in zip(searches, passes, strict=True) if id(one) in active]
+    if few is not problem:
+        for_each(lambda both: _continue_with_all(*both), kept)
+        for search, one in zip(searches, passes, strict=True):
+            if id(one) not in active:
+                search.take_tried(one)
+    return _Start(searches, [search for search, _ in kept], others, dropped, tail)
 
 
 def _with_few_points(problem: Problem) -> Problem:
@@ -463,7 +471,8 @@ def _from_known_poses(
         searches = start_searches(problem, [parts[k] for k in some], common_random_numbers(rng, len(some)))
         for k, search in zip(some, searches, strict=True):
             search.known, search.exhaustive = known[k], exhaustive
-            search.propose(proposer)
+        for_each(lambda search: search.propose(proposer), searches)
+        for k, search in zip(some, searches, strict=True):
             found[k], kept[k] = max(search.log_evidence, _NONE), search
         least = found.max(initial=_NONE) - own.search.negligible / own.pruning.estimate_weight
         for k in [k for k in kept if found[k] < least]:
@@ -507,18 +516,32 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
         spent = sum(min(s.restarts, own.rounds) for s in live) + len(decisive)
         others = sorted(others, key=lambda s: -s.log_missed())[: max(budget - spent, 0)]
         left = decisive + others
-        for search in left:
-            search.restart(leader=_leader(searches))
+        _restart_all(left, searches)
         if not left:
             break
         if not may_be_missed:
             live = [s for s in live if s.log_evidence > max(log_unknown, best.log_evidence) - own.negligible]
 
 
-def _leader(searches: Sequence[PartSearch]) -> PartSearch | None:
-    """Return the search of the part with the most evidence; None without a maximum."""
+def _batches(order: Sequence[PartSearch]) -> Iterator[Sequence[PartSearch]]:
+    """Yield parts in batches that double: the first part alone, since a leader saves maximizations of all others."""
+    begin, count = 0, 1
+    while begin < len(order):
+        yield order[begin : begin + count]
+        begin, count = begin + count, 2 * count
+
+
+def _restart_all(batch: Sequence[PartSearch], searches: Sequence[PartSearch], effort: Effort | None = None) -> None:
+    """Carry out one more round of some parts, each compared to the leader of all parts before the batch."""
+    leader = _leader(searches)
+    for_each(lambda search: search.restart(effort, leader), batch)
+
+
+def _leader(searches: Sequence[PartSearch]) -> Leader | None:
+    """Return the part with the most evidence; None without a maximum."""
     found = [s for s in searches if len(s.peaks)]
-    return max(found, key=lambda s: s.log_evidence) if found else None
+    best = max(found, key=lambda s: s.log_evidence) if found else None
+    return Leader(best.objective, best.peaks.Ts[:1], best.log_evidence) if best is not None else None
 
 
 def _may_be_missed(problem: Problem, searches: Sequence[PartSearch]) -> bool:
@@ -555,14 +578,20 @@ def _pass_on(searches: Sequence[PartSearch]) -> None:
     own, top = order[0].objective.problem.settings, order[0].log_evidence
     least = top - own.search.negligible / own.pruning.estimate_weight
     order = [s for s in order[: own.pruning.leaders] if s.log_evidence > least]
-    leading = [(s, s.peaks.take(np.zeros(1, dtype=np.int64))) for s in order]
-    planes = [planes_at(search.objective, best) for search, best in leading]
-    for search in searches:
-        counted = search.log_evidence > top - own.search.negligible
-        new = [k for k, (s, best) in enumerate(leading) if not search.has_tried(s.objective, best, counted=counted)]
-        poses = [InitialPoses(leading[k][1].Ts, leading[k][1].groups) for k in new if leading[k][0] is not search]
+    leading = [(s.objective, s.peaks.take(np.zeros(1, dtype=np.int64))) for s in order]
+    planes = for_each(lambda one: planes_at(*one), leading)
+    leader = _leader(order)
+
+    def try_on(search: PartSearch) -> None:
+        counted, own_objective = search.log_evidence > top - own.search.negligible, search.objective
+        new = [k for k, (other, best) in enumerate(leading) if not search.has_tried(other, best, counted=counted)]
+        poses = [
+            InitialPoses(leading[k][1].Ts, leading[k][1].groups) for k in new if leading[k][0] is not own_objective
+        ]
         for k in new:
-            Ts = poses_on_planes(planes[k], search.objective)
+            Ts = poses_on_planes(planes[k], own_objective)
             poses.append(InitialPoses(Ts, np.full(len(Ts), leading[k][1].groups[0])))
         if poses:
-            search.add(InitialPoses.joined(poses), search.most_if_improbable(order[0]), order[0])
+            search.add(InitialPoses.joined(poses), search.most_if_improbable(leader), leader)
+
+    for_each(try_on, searches)

@@ -21,6 +21,21 @@ from tanteo.posterior.settings import Effort, SearchSettings
 from tanteo.posterior.symmetry import log_orbit
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Leader:
+    """Best part when a batch of parts begins, to which all of them are compared.
+
+    Attributes:
+        objective: objective of the part.
+        Ts: pose of its best maximum ``(1, 4, 4)``.
+        log_evidence: log-evidence of the part.
+    """
+
+    objective: Objective
+    Ts: Transforms
+    log_evidence: float
+
+
 @dataclass(slots=True, eq=False)
 class PartSearch:
     """Search for one part in rounds.
@@ -88,7 +103,7 @@ class PartSearch:
             return np.inf
         return self.objective.refined_cost(self.known, self.objective)
 
-    def restart(self, effort: Effort | None = None, leader: PartSearch | None = None) -> None:
+    def restart(self, effort: Effort | None = None, leader: Leader | None = None) -> None:
         """Carry out one more round: all proposers in turn, each of which reads the maxima so far.
 
         A later round of a part that does not explain the points, or far less than the leader, searches for one missed
@@ -96,7 +111,7 @@ class PartSearch:
 
         Args:
             effort: numbers of poses to propose; None for those of the settings.
-            leader: search of the best part so far; None without another part.
+            leader: best part so far; None without another part.
         """
         most = self.most_if_improbable(leader)
         if self.restarts:  # the points that are farthest apart may be outliers: later rounds take others
@@ -107,11 +122,11 @@ class PartSearch:
             self.propose(proposer, effort, most, leader)
         self.restarts += 1
 
-    def most_if_improbable(self, leader: PartSearch | None) -> int | None:
+    def most_if_improbable(self, leader: Leader | None) -> int | None:
         """Return the most poses to maximize from of a part far less probable than a leader; None for others.
 
         Args:
-            leader: search of the best part so far; None without another part.
+            leader: best part so far; None without another part.
         """
         if leader is None or not self.restarts:
             return None
@@ -123,7 +138,7 @@ class PartSearch:
         proposer: Proposer,
         effort: Effort | None = None,
         most: int | None = None,
-        leader: PartSearch | None = None,
+        leader: Leader | None = None,
     ) -> None:
         """Maximize from the poses of one proposer, and merge the maxima with those found before.
 
@@ -131,7 +146,7 @@ class PartSearch:
             proposer: source of initial poses.
             effort: numbers of poses to propose; None for those of the settings.
             most: largest number of refined poses to maximize from; None for the number of the proposer.
-            leader: search of the best part so far; None without another part.
+            leader: best part so far; None without another part.
 
         Raises:
             PluginError: a proposer of another distribution fails; the message names it.
@@ -150,22 +165,22 @@ class PartSearch:
             count = self.settings.maximized
             self.along = along_ridge(objective, from_prior(objective.problem, objective.prepared, count, self.rng))
 
-    def add(self, found: InitialPoses, most: int | None = None, leader: PartSearch | None = None) -> None:
+    def add(self, found: InitialPoses, most: int | None = None, leader: Leader | None = None) -> None:
         """Refine and maximize initial poses, and merge the maxima with those found before.
 
         Args:
             found: initial poses.
             most: largest number of refined poses to maximize from; None for the number of the proposer.
-            leader: search of the best part so far; poses that explain far fewer points than its best maximum are not
-                maximized. None for no such limit.
+            leader: best part so far; poses that explain far fewer points than its best maximum are not maximized. None
+                for no such limit.
         """
         if not len(found):
             return
         objective, refined = self.objective, found.refined
         keep = found.keep if found.keep is not None else max(len(found), 1)
         keep = keep if most is None else min(keep, most)
-        limit = {} if leader is None or leader is self or not len(leader.peaks) else {
-            "known": leader.objective.refined_cost(leader.peaks.Ts[:1], objective)
+        limit = {} if leader is None or leader.objective.prepared is objective.prepared else {
+            "known": leader.objective.refined_cost(leader.Ts, objective)
         }  # fmt: skip
         Ts, sources = objective.refine(np.ascontiguousarray(found.Ts[~refined]), found.sources[~refined], keep, **limit)
         rest = objective.maximize(Ts, groups=sources)

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "bindings/catalogue_arguments.hpp"
+#include "parallel.hpp"
 
 namespace tanteo {
 
@@ -111,21 +112,31 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
         nb::gil_scoped_release release;
         const CoarsePoints points = coarse_points(given);
         std::vector<CoarseRanked> ranked(R);
-        for (size_t first = 0, end = 0; first < R; first = end) {
-            end = end_of_kind(of, first);
-            effort.begin = static_cast<int>(std::max<size_t>(effort.stepped, std::min<size_t>(begin, effort.stepped * (end - first))));
-            const std::vector<CoarseView> views = coarse_starts(parts.part(chosen[first]), points, effort);
-            for (size_t r = first; r < end; ++r) {
-                ranked[r] = coarse_ranked(parts.part(chosen[r]), points, views, effort);
-                if (!ranked[r].empty()) scores[r] = ranked[r].front().first;
-                best = std::min(best, scores[r]);
-            }
-        }
-        for (size_t r = 0; r < R; ++r) {
-            std::vector<CoarsePose> found;
-            if (scores[r] <= best + gap) found = coarse_poses(parts.part(chosen[r]), points, std::move(ranked[r]), effort);
-            poses.put(r, found);
-        }
+        std::vector<size_t> ends{0};
+        while (ends.back() < R) ends.push_back(end_of_kind(of, ends.back()));
+        for_all(ends.size() - 1, [&] {
+            return [&](size_t k) {
+                const size_t first = ends[k], end = ends[k + 1];
+                CoarseEffort own = effort;
+                own.begin = static_cast<int>(std::max<size_t>(own.stepped, std::min<size_t>(begin, own.stepped * (end - first))));
+                const std::vector<CoarseView> views = coarse_starts(parts.part(chosen[first]), points, own);
+                for_all(end - first, [&] {
+                    return [&](size_t i) {
+                        const size_t r = first + i;
+                        ranked[r] = coarse_ranked(parts.part(chosen[r]), points, views, own);
+                        if (!ranked[r].empty()) scores[r] = ranked[r].front().first;
+                    };
+                });
+            };
+        });
+        for (const double score : scores) best = std::min(best, score);
+        std::vector<std::vector<CoarsePose>> found(R);
+        for_all(R, [&] {
+            return [&](size_t r) {
+                if (scores[r] <= best + gap) found[r] = coarse_poses(parts.part(chosen[r]), points, std::move(ranked[r]), effort);
+            };
+        });
+        for (size_t r = 0; r < R; ++r) poses.put(r, found[r]);
     }
     return nb::make_tuple(list_of(std::move(scores)), poses.costs_out(), poses.poses_out());
 }

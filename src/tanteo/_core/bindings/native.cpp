@@ -322,26 +322,32 @@ nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Double
                           array_of(std::move(probabilities), {D, S}));
 }
 
-std::tuple<Out, Out> proposed(const Shape& shape, const Problem& problem, Ints rows, Ints pairs, int per_pair, int spins,
-                              double tolerance, double blur, double tilt, int keep, uint64_t seed) {
+// Poses from each pair of points, best first, and the pair that led to each; every pair has its own seed.
+std::tuple<Out, OutInts> proposed(const Shape& shape, const Problem& problem, Ints rows, Ints pairs, int per_pair, int spins,
+                                  double tolerance, double blur, double tilt, int keep, Starts seeds) {
     const int64_t last = int64_t(problem.factors.size()) - 1;
-    const std::vector<int> chosen = expect(rows, "rows", ANY, 0, last), both = expect(pairs, "pairs", ANY, 0, last);
+    const size_t count = seeds.size();
+    const std::vector<int> chosen = expect(rows, "rows", ANY, 0, last), both = expect(pairs, "pairs", 2 * count, 0, last);
     const Effort effort{static_cast<int>(expect(per_pair, "per_pair", 0, 1e9)),
                         static_cast<int>(expect(spins, "spins", 1, 1e6)), expect(tolerance, "tolerance", 0, 1e300), expect(blur, "blur", 1e-300, 1e300),
                         expect(tilt, "tilt", 1e-300, 1e300), static_cast<int>(expect(keep, "keep", 1, 1e9))};
-    std::vector<Proposal> found;
+    std::vector<std::vector<Proposal>> found(count);
     {
         nb::gil_scoped_release release;
-        Random random{seed};
-        found = propose(shape, problem, chosen, both, effort, random);
+        for_all(count, [&] {
+            return [&](size_t k) {
+                found[k] = propose(shape, problem, chosen, both[2 * k], both[2 * k + 1], effort, seeds.data()[k]);
+            };
+        });
     }
     std::vector<Pose> out;
-    std::vector<double> costs;
-    for (const Proposal& p : found) {
-        out.push_back(p.pose);
-        costs.push_back(p.cost);
-    }
-    return {poses_out(out), list_of(std::move(costs))};
+    std::vector<int32_t> from;
+    for (size_t k = 0; k < count; ++k)
+        for (const Proposal& p : found[k]) {
+            out.push_back(p.pose);
+            from.push_back(static_cast<int32_t>(k));
+        }
+    return {poses_out(out), list_of(std::move(from))};
 }
 
 Out scores(const Shape& shape, const Problem& problem, Ints rows, Doubles Ts, double blur, double tilt) {
@@ -493,7 +499,7 @@ std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Doubles bends, Ints owne
     {
         nb::gil_scoped_release release;
         const Mixture mix(std::move(base), std::move(components), freedom, middle);
-        for (size_t k = 0; k < all.size(); ++k) logs[k] = mix.log_density(all[k], shares.data() + k * m);
+        for_all(all.size(), [&] { return [&](size_t k) { logs[k] = mix.log_density(all[k], shares.data() + k * m); }; });
     }
     return {list_of(std::move(logs)), array_of(std::move(shares), {all.size(), m})};
 }
@@ -576,6 +582,7 @@ Out group_information(Doubles weights, Doubles means, Doubles variances, Ints gr
 
 NB_MODULE(native, m) {
     m.def("version", [] { return TANTEO_VERSION; });
+    m.def("most_threads", [] { return most_threads(); });
     nb::class_<Shape>(m, "Shape")
         .def_prop_ro("area", [](const Shape& s) { return s.area; })
         .def_prop_ro("diagonal", [](const Shape& s) { return s.diagonal; })
@@ -616,7 +623,7 @@ NB_MODULE(native, m) {
     m.def("slopes", &slopes, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("details", &details, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("propose", &proposed, "shape"_a, "problem"_a, "rows"_a, "pairs"_a, "per_pair"_a, "spins"_a, "tolerance"_a,
-          "blur"_a, "tilt"_a, "keep"_a, "seed"_a);
+          "blur"_a, "tilt"_a, "keep"_a, "seeds"_a);
     m.def("scores", &scores, "shape"_a, "problem"_a, "rows"_a, "poses"_a, "blur"_a, "tilt"_a);
     m.def("refine_poses", &refined, "shape"_a, "problem"_a, "rows"_a, "scales"_a, "poses"_a,
           "offset_sd"_a = 0.0, "with_distances"_a = false, "known"_a = 1e300);

@@ -20,7 +20,7 @@ struct Random {  // splitmix64: the same numbers everywhere
 };
 
 struct Effort {
-    int per_pair = 250;       // number of pairs of samples for each pair of points
+    int per_pair = 250;       // number of pairs of samples
     int spins = 24;           // number of turns about their line without normals
     double tolerance = 4e-3;  // tolerance of their distance [m]
     double blur = 4e-3;       // distance from the surface with cost 1 [m]
@@ -37,9 +37,9 @@ struct Proposal {
 double score(const Shape& shape, const Problem& problem, const std::vector<int>& rows, const Pose& pose, double blur,
              double tilt, double limit);
 
-// pairs: indices of points, two each. Best first, none near a better one.
-std::vector<Proposal> propose(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
-                              const std::vector<int>& pairs, const Effort& effort, Random& random);
+// Poses that put points `from` and `to` on pairs of surface samples. Best first, none near a better one.
+std::vector<Proposal> propose(const Shape& shape, const Problem& problem, const std::vector<int>& rows, int from, int to,
+                              const Effort& effort, uint64_t seed);
 
 // The best proposals, none near a better one.
 std::vector<Proposal> thinned(const Shape& shape, std::vector<Proposal> all, int keep, double near, double near_turn);

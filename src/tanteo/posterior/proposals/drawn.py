@@ -40,17 +40,14 @@ class PointPairs(Proposer):
         objective, effort, pairs = state.objective, state.effort, state.pairs
         count = min(effort.pairs, len(pairs))
         places = effort.places * effort.pairs // max(count, 1)  # few points have few pairs
-        found, sources = [np.zeros((0, 4, 4))], [np.zeros(0, dtype=np.int64)]
-        for i in range(state.round * count, (state.round + 1) * count):
-            pair = np.ascontiguousarray(pairs[[i % len(pairs)]])
-            Ts, _ = _core.propose(
-                part.shape, objective.core, objective.rows, pair, places, problem.settings.search.spins,
-                objective.scales.blur, objective.scales.blur, pair_tilt(problem), effort.kept,
-                int(state.rng.integers(2**63)),
-            )  # fmt: skip
-            found.append(Ts)
-            sources.append(np.full(len(Ts), 1 << (i % BITS), dtype=np.int64))
-        return InitialPoses(np.concatenate(found), np.concatenate(sources), keep=effort.maximized)
+        which = np.arange(state.round * count, (state.round + 1) * count)
+        blur, seeds = objective.scales.blur, state.rng.integers(2**63, size=count)
+        pairs = np.ascontiguousarray(pairs[which % max(len(pairs), 1)])
+        Ts, own = _core.propose(
+            part.shape, objective.core, objective.rows, pairs, places, problem.settings.search.spins, blur, blur,
+            pair_tilt(problem), effort.kept, seeds,
+        )  # fmt: skip
+        return InitialPoses(Ts, np.left_shift(1, which % BITS)[own], keep=effort.maximized)
 
 
 def far_pairs(points: ContactPoints, rows: Indices, count: int) -> Indices:

@@ -117,7 +117,8 @@ class SearchState:
 class Proposer(ABC):
     """Proposer of initial poses of one part.
 
-    Another distribution provides one by the entry point group ``tanteo.proposals``.
+    Another distribution provides one by the entry point group ``tanteo.proposals``. Several threads may call it at a
+    time, each for another part.
 
     Attributes:
         name: name in the registry and of the entry point.

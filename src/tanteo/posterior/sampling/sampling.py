@@ -12,6 +12,7 @@ from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.posterior.sampling.modes import groups_of, with_common_samples
 from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.posterior.settings import POSE_DOF
+from tanteo.posterior.threads import for_each
 
 
 def sample(samplers: Sequence[Sampler], log_none: float) -> None:
@@ -33,8 +34,7 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
     rounds = 0 if not samplers else samplers[0].settings.rounds if fixed else samplers[0].settings.few_rounds
     count = 0
     for k in itertools.count():
-        for sampler, want in zip(samplers, wants, strict=True):
-            sampler.sample(want)
+        for_each(lambda one: one[0].sample(one[1]), zip(samplers, wants, strict=True))
         if k == 0:
             _sample_more(samplers, logs, wants, shaped=fixed)
         before, count = count, sum(len(s.peaks) for s in samplers)
@@ -42,7 +42,7 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
             break
         if k == 0 and fixed:
             _spread(samplers, log_none)
-        masses = [s.masses() for s in samplers]
+        masses = for_each(Sampler.masses, samplers)
         total = float(log_sum([log_none, *(float(log_sum(m)) for m, _ in masses)]))
         own = samplers[0].settings
         shaped = fixed and max(float(m.max(initial=-np.inf)) for m, _ in masses) > total + np.log(0.5)
@@ -52,10 +52,7 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
         rounds = own.rounds if (shaped and fixed) or sd > own.probability_sd else min(rounds, own.few_rounds)
         limits = own.first if shaped else own.shape, own.more if fixed or sd > own.probability_sd else own.first
         more = not shaped and k >= own.few_rounds  # further rounds are for the probability alone
-        wants = [
-            _wanted(s, mass - total, ess, limits, need, shape=not more and (fixed or shaped))
-            for s, (mass, ess), need in zip(samplers, masses, needs, strict=True)
-        ]
+        wants = _all_wanted(samplers, masses, total, needs, limits, shape=not more and (fixed or shaped))
         if not any(want.any() for want in wants):
             break
 
@@ -127,8 +124,7 @@ def _sample_more(
     more = [
         np.maximum(want - count, 0) for want, count in zip(_first(samplers, found, shaped=shaped), drawn, strict=True)
     ]
-    for sampler, want in zip(samplers, more, strict=True):
-        sampler.sample(want)
+    for_each(lambda one: one[0].sample(one[1]), zip(samplers, more, strict=True))
 
 
 def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
@@ -140,6 +136,20 @@ def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
         if s.along is not None and len(s.along) and not all(s.is_normal(int(k)) for k in np.flatnonzero(likely)):
             # all components of a ridge together have as many samples as a mode needs
             s.spread(s.along, -(-s.settings.enough // s.objective.problem.settings.search.maximized))
+
+
+def _all_wanted(
+    samplers: Sequence[Sampler],
+    masses: Sequence[tuple[FloatArray, FloatArray]],
+    total: float,
+    needs: Sequence[FloatArray],
+    limits: tuple[int, int],
+    *,
+    shape: bool,
+) -> list[IntArray]:
+    """Return the number of further samples of each maximum of each part; see ``_wanted``."""
+    rows = zip(samplers, masses, needs, strict=True)
+    return for_each(lambda row: _wanted(row[0], row[1][0] - total, row[1][1], limits, row[2], shape=shape), rows)
 
 
 def _wanted(
