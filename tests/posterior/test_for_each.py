@@ -1,4 +1,4 @@
-"""Work on several items at a time: the results are those of a loop, whatever the number of threads."""
+"""Work on several items at a time: the results are those of a loop, for any number of threads."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_calls_inside_calls_return():
     assert for_each(lambda k: sum(for_each(lambda i: i * k, range(9))), range(9)) == [36 * k for k in range(9)]
 
 
-def test_floating_point_errors_are_handled_as_the_caller_says():
+def test_floating_point_errors_are_handled_as_by_the_caller():
     with np.errstate(divide="raise"), pytest.raises(FloatingPointError):
         for_each(lambda _: 1 / np.zeros(1), range(30))
     waited = threading.Barrier(3, timeout=30)

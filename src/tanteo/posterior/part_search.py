@@ -23,7 +23,7 @@ from tanteo.posterior.symmetry import log_orbit
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leader:
-    """Best part when a batch of parts begins, to which all of them are compared.
+    """Best part when a batch of parts begins; every part of the batch is compared to it.
 
     Attributes:
         objective: objective of the part.
