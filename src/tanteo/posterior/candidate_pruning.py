@@ -49,7 +49,7 @@ from tanteo.posterior.proposals.coarse_field import evaluate_fields
 from tanteo.posterior.proposals.plane_votes import competing, cost_margin, on_planes, voted
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
 from tanteo.posterior.settings import POSE_DOF, Effort
-from tanteo.posterior.threads import for_each
+from tanteo.threads import for_each
 
 __all__ = ["Active", "PartSearch", "Unsearched", "prune", "screen", "start_search", "still_active"]
 

@@ -12,7 +12,7 @@ from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.posterior.sampling.modes import groups_of, with_common_samples
 from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.posterior.settings import POSE_DOF
-from tanteo.posterior.threads import for_each
+from tanteo.threads import for_each
 
 
 def sample(samplers: Sequence[Sampler], log_none: float) -> None:

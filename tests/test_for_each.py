@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tanteo import _core
-from tanteo.posterior.threads import for_each
+from tanteo.threads import for_each
 
 
 @pytest.fixture(autouse=True)
