@@ -12,7 +12,7 @@ from bare_scenes import no_paths, touches_of
 from scenes import random_pose
 from tanteo.geometry import SE3
 from tanteo.posterior import DEFAULTS, Problem, identify_points, sized
-from tanteo.posterior.part_search import start_search
+from tanteo.posterior.part_search import leader_of, start_search
 from tanteo.posterior.proposals import InitialPoses, plane_votes, sensed_planes
 
 SD = 3e-4
@@ -177,7 +177,7 @@ def test_poses_far_below_another_part_are_not_maximized(models_of_faces):
     searches = [start_search(problem, part, np.random.default_rng(0)) for part in (best, other, other)]
     leader, free, limited = searches
     leader.add(InitialPoses.unproposed(T[None]))
-    for search, known in ((free, None), (limited, leader)):
+    for search, known in ((free, None), (limited, leader_of([leader]))):
         for poses_of in (InitialPoses.unproposed, InitialPoses.exhaustive):
             search.add(poses_of(T[None]), leader=known)
     assert len(leader.peaks) == 1

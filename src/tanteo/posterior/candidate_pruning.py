@@ -29,9 +29,9 @@ from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.outliers import beta_binomial_tail
 from tanteo.posterior.part_search import (  # fmt: skip
-    Leader,
     PartSearch,
     common_random_numbers,
+    leader_of,
     spread,
     start_search,
     start_searches,
@@ -533,15 +533,8 @@ def _batches(order: Sequence[PartSearch]) -> Iterator[Sequence[PartSearch]]:
 
 def _restart_all(batch: Sequence[PartSearch], searches: Sequence[PartSearch], effort: Effort | None = None) -> None:
     """Carry out one more round of some parts, each compared to the leader of all parts before the batch."""
-    leader = _leader(searches)
+    leader = leader_of(searches)
     for_each(lambda search: search.restart(effort, leader), batch)
-
-
-def _leader(searches: Sequence[PartSearch]) -> Leader | None:
-    """Return the part with the most evidence; None without a maximum."""
-    found = [s for s in searches if len(s.peaks)]
-    best = max(found, key=lambda s: s.log_evidence) if found else None
-    return Leader(best.objective, best.peaks.Ts[:1], best.log_evidence) if best is not None else None
 
 
 def _may_be_missed(problem: Problem, searches: Sequence[PartSearch]) -> bool:
@@ -580,7 +573,7 @@ def _pass_on(searches: Sequence[PartSearch]) -> None:
     order = [s for s in order[: own.pruning.leaders] if s.log_evidence > least]
     leading = [(s.objective, s.peaks.take(np.zeros(1, dtype=np.int64))) for s in order]
     planes = for_each(lambda one: planes_at(*one), leading)
-    leader = _leader(order)
+    leader = leader_of(order)
 
     def try_on(search: PartSearch) -> None:
         counted, own_objective = search.log_evidence > top - own.search.negligible, search.objective

@@ -256,6 +256,13 @@ class PartSearch:
         return len(self.peaks) > 0 and float(np.sum(~on)) > (expected if len(on) > self.settings.any_outlier else 0.0)
 
 
+def leader_of(searches: Sequence[PartSearch]) -> Leader | None:
+    """Return the part with the most evidence; None without a maximum."""
+    found = [s for s in searches if len(s.peaks)]
+    best = max(found, key=lambda s: s.log_evidence) if found else None
+    return Leader(best.objective, best.peaks.Ts[:1], best.log_evidence) if best is not None else None
+
+
 def start_search(problem: Problem, prepared: PreparedPart, rng: np.random.Generator) -> PartSearch:
     """Return a search before its first round."""
     return start_searches(problem, [prepared], [rng])[0]
