@@ -183,3 +183,21 @@ def test_a_session_ends_by_many_samples_of_its_posterior():
     usual = update(session.state, session.state.touches, session.state.free, session.state.unstated)
     assert session.steps[-1].within == chance_within(session.state, goal) >= 0.95
     assert len(session.state.draws.Ts) > 8 * len(usual.draws.Ts)
+
+
+def test_few_samples_decide_what_is_far_from_the_limit():
+    target = prepare(read_part(PARTS / "wedge.step"))
+    rng = np.random.default_rng(54)
+    session, T = made_session(target, 0.0, rng, sd=1.5e-4, tolerance=4e-3, max_measurements=40)
+    assert sense_made(session, target, T, displaced_faces(target, 0.0, rng), rng).reached
+    state, stop = session.state, session.stop
+    usual = update(state, state.touches, state.free, state.unstated)
+    assert len(state.draws.Ts) < 2 * len(usual.draws.Ts)
+    assert stop.is_clear(state)
+    close = replace(stop, tolerance=6e-4)
+    chance = close.chance(state)
+    assert 0.1 < chance < 0.999
+    sd = np.sqrt(chance * (1 - chance) / state.effective_samples(0))
+    for away, clear in ((-3.1, True), (-2.9, False), (0.0, False), (2.9, False), (3.1, True)):
+        if 0.5 < (limit := chance + away * sd) < 1:
+            assert replace(close, confidence=limit).is_clear(state) == clear

@@ -26,6 +26,12 @@ _FEWEST = 64
 _FAINT = 0.1
 """Fraction of the smallest gain below which the expected information is not accurate."""
 
+_CLEAR = 3.0
+"""Definition: sampling errors between a probability and its limit that decide it [standard deviations]; one in 700."""
+
+_ROUNDING = 1e-12
+"""Numerical: least standard deviation of a probability."""
+
 _HALF = 0.5
 """Probability above which a part or pose may count as certain, even if the goal states a smaller value."""
 
@@ -110,6 +116,28 @@ class Stop:
             feature = places_of(part, self.feature).feature or ""
             goal = replace(goal, tolerance=self.tolerance, within=within, feature=feature)
         return goal
+
+    def is_clear(self, state: SensingState) -> bool:
+        """Return whether the sampling error of a state is too small to change whether the goal is reached.
+
+        With ``n`` effective samples the probability ``P`` of a part has the standard deviation ``P (1 - P) / sqrt(n)``,
+        because the evidence for an unknown object is not sampled, and the chance ``c`` of the tolerance has
+        ``sqrt(c (1 - c) / n)``.
+
+        Args:
+            state: posterior of the session.
+        """
+        if not len(state.weights):
+            return True
+        parts = state.of_parts()
+        P, n = float(parts.max()), state.effective_samples(int(np.argmax(parts)))
+        gaps = []
+        if self.probability is not None:
+            gaps.append((P - max(self.probability, _HALF)) / max(P * (1 - P) / np.sqrt(n), _ROUNDING))
+        if self.tolerance is not None:
+            c = self.chance(state)
+            gaps.append((c - max(self.confidence, _HALF)) / max(np.sqrt(c * (1 - c) / n), _ROUNDING))
+        return not gaps or abs(min(gaps)) > _CLEAR
 
     def chance(self, state: SensingState) -> float:
         """Return the probability that the pose is within the tolerance; NaN without a tolerance.

@@ -292,7 +292,8 @@ class Session(Value):
         if fresh is not None:
             joined = fresh if joined is None else concatenate([joined, fresh])
             state = self._updated(state, joined)
-            state = state if self.stop.reached(state) is None else confirmed(self._updated(state, joined))
+            if self.stop.reached(state) is not None:
+                state = confirmed(self._updated(state, joined), self.stop.is_clear)
         step = step_of(state, self.stop, observation)
         # all changes at once: an interrupt during the long work above leaves the session unchanged
         self._state, self._joined = state, joined
