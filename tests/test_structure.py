@@ -23,10 +23,10 @@ MOST = {
     "checks of a kind in Python": 0,
     "files with checks of a kind in Python": 0,
     "code lines of Python in the judged packages": 12890,
-    "code lines of C++": 11889,
+    "code lines of C++": 12045,
     "exported names": 450,
     "exported names without a user": 0,
-    "words of docs": 43550,
+    "words of docs": 43850,
     "live decisions": 40,
 }
 """Largest accepted figures. Lines and words may grow with new capabilities; the others may only fall."""

@@ -13,7 +13,7 @@ from tanteo.factors.on_surface import OnSurface
 from tanteo.geometry import SO3
 from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.parts import Surface
-from tanteo.sensors.noise import cone_rays
+from tanteo.sensors.noise import cone_rays, rectangle_rays
 
 SHARES: dict[str, dict[str, float]] = {
     "ray": {"of_rays": 1.0},
@@ -36,7 +36,8 @@ class ConeRange(OnSurface):
 
     Attributes:
         range: range along the beam [m].
-        half_angle: half angle of the cone [rad].
+        half_angle: half angle of the cone, or of the cone of equal section for a rectangular beam [rad].
+        half_axes: half axes of a rectangular beam at distance one, in the world ``(2, 3)``; None for a circle.
         max_incidence: largest incidence at which the device detects a surface [rad].
         response: what the device reports of its cone, one of :data:`~tanteo.sensors.presets.RESPONSES`; empty if
             unknown.
@@ -56,6 +57,7 @@ class ConeRange(OnSurface):
     flat_face: ClassVar[bool] = True
     range: float
     half_angle: float
+    half_axes: Vectors | None = None
     max_incidence: float = 1.5707
     response: str = ""
     background: Vectors | None = None
@@ -130,18 +132,22 @@ class ConeRange(OnSurface):
     def _cast(self, surface: Surface) -> tuple[FloatArray, Vectors, Vectors]:
         """Return distances, normals of the surface and directions of the rays that fill the cone."""
         axis = np.asarray(self.approach)
-        rays = cone_rays(self.half_angle, _RAYS) @ SO3.frame_from_axis(axis, 2).T
+        if self.half_axes is None:
+            rays = cone_rays(self.half_angle, _RAYS) @ SO3.frame_from_axis(axis, 2).T
+        else:
+            rays = rectangle_rays(axis, self.half_axes, _RAYS)
         hits = surface.cast(self.at - self.range * axis, rays)
         return hits.distances, surface.normals[np.maximum(hits.triangles, 0)], rays
 
     def columns(self) -> dict[str, Any]:
         """Return the numbers of the cone, and the probability of each response."""
         background = np.zeros(4) if self.background is None else self.background
+        axes = np.zeros((2, 3)) if self.half_axes is None else np.asarray(self.half_axes)
         shares = {name: 0.0 for share in SHARES.values() for name in share} | SHARES[self.response]
         return {
             "directions": self.approach, "round_face": False, "ranges": self.range, "half_angles": self.half_angle,
-            "max_incidences": self.max_incidence, "furniture_normals": background[:3],
-            "furniture_offsets": background[3], **shares,
+            "half_widths": axes[0], "half_heights": axes[1], "max_incidences": self.max_incidence,
+            "furniture_normals": background[:3], "furniture_offsets": background[3], **shares,
         }  # fmt: skip
 
     @classmethod
@@ -150,5 +156,6 @@ class ConeRange(OnSurface):
         assert row.cone is not None
         return cls(
             at=row.at, cov=row.cov, approach=row.approach, free_path=row.free_path, range=row.cone.range,
-            half_angle=row.cone.half_angle, max_incidence=row.cone.max_incidence, response=row.cone.response,
+            half_angle=row.cone.half_angle, half_axes=row.cone.half_axes,
+            max_incidence=row.cone.max_incidence, response=row.cone.response,
         )  # fmt: skip

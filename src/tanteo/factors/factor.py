@@ -194,12 +194,14 @@ class MeasuredCone:
         max_incidence: largest incidence at which the device detects a surface [rad].
         response: what the device reports of its cone, one of :data:`~tanteo.sensors.presets.RESPONSES`; empty if
             unknown.
+        half_axes: half axes of a rectangular beam at distance one, in the world ``(2, 3)``; None for a circle.
     """
 
     range: float
     half_angle: float
     max_incidence: float
     response: str
+    half_axes: Vectors | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -302,7 +302,11 @@ def _cones(measured: PointMeasurements, covs: Covariances, directions: Vectors) 
     wide &= directions.any(axis=1) & np.isnan(measured.normals[:, 0]) & (measured.radii == 0)
     return [
         MeasuredCone(
-            float(cones.ranges[k]), float(cones.half_angles[k]), float(cones.max_incidences[k]), cones.responses[k]
+            float(cones.ranges[k]),
+            float(cones.half_angles[k]),
+            float(cones.max_incidences[k]),
+            cones.responses[k],
+            None if np.isnan(cones.half_axes[k, 0, 0]) else cones.half_axes[k],
         )
         if wide[k]
         else None

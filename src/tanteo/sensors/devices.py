@@ -73,6 +73,11 @@ class Device:
         return self.preset.response if self.preset is not None else ""
 
     @property
+    def half_axes(self) -> Vectors | None:
+        """Half axes of a rectangular beam at distance one, in the sensor frame ``(2, 3)``; None for a circle."""
+        return self.mount.half_axes if self.mount is not None else None
+
+    @property
     def bias_sd(self) -> float:
         """Standard deviation of the bias common to all readings of the device [m]."""
         if self.mount is not None:
@@ -125,6 +130,7 @@ class Placed:
         lengths: lengths of free-space rays ``(n,)`` [m].
         by_rig: mask of the readings whose position the rig determines ``(n,)``.
         T_world_units: poses of the rig's devices at these readings ``(n, 4, 4)`` [m].
+        half_axes: half axes of rectangular beams at distance one ``(n, 2, 3)``; NaN for circles.
     """
 
     points: Vectors
@@ -133,6 +139,7 @@ class Placed:
     lengths: Column
     by_rig: BoolArray
     T_world_units: Column
+    half_axes: Column
 
 
 def find_devices(
@@ -221,18 +228,21 @@ def place(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> P
         )
     points = readings.points.filled(0.0)
     directions = readings.directions
-    units = Column.empty(len(readings), (4, 4))
+    units, half_axes = Column.empty(len(readings), (4, 4)), Column.empty(len(readings), (2, 3))
     if by_rig.any():
         T_hand_sensors = np.stack([d.mount.T_hand_sensor if d.mount else np.eye(4) for d in devices])
         T_hand_units = np.stack([d.mount.T_hand_unit if d.mount else np.eye(4) for d in devices])
         hands = readings.Ts_world_hand[by_rig]
         Ts = hands @ T_hand_sensors[numbers[by_rig]]
         units = Column(by_rig, hands @ T_hand_units[numbers[by_rig]])
+        rectangles = np.stack([np.full((2, 3), np.nan) if d.half_axes is None else d.half_axes for d in devices])
+        halves = rectangles[numbers[by_rig]] @ np.swapaxes(Ts[:, :3, :3], 1, 2)
+        half_axes = Column(by_rig, halves)
         axes = Ts[:, :3, 2]
         directions = Column(by_rig, axes).coalesce(directions)
         reach = along.only(~readings.is_free).filled(0.0)[by_rig, None]
         points[by_rig] = Ts[:, :3, 3] + reach * axes
-    return Placed(points, directions, along, lengths, by_rig, units)
+    return Placed(points, directions, along, lengths, by_rig, units, half_axes)
 
 
 def _advice(got: float, nearest: float, farthest: float) -> str:

@@ -58,6 +58,7 @@ class BeamCones:
     Attributes:
         ranges: ranges along the beams ``(n,)`` [m]; NaN for a reading without range.
         half_angles: half angles ``(n,)`` [rad]; NaN if unknown.
+        half_axes: half axes of rectangular beams at distance one ``(n, 2, 3)``; NaN for circles.
         max_incidences: largest incidence at which the device detects a surface ``(n,)`` [rad].
         responses: what the device reports of its cone; empty if unknown.
         turns: derivative of the directions by each shared error, each ``(n, 3, d)``.
@@ -65,12 +66,13 @@ class BeamCones:
 
     ranges: FloatArray
     half_angles: FloatArray
+    half_axes: FloatArray
     max_incidences: FloatArray
     responses: tuple[str, ...]
     turns: tuple[FloatArray, ...]
 
     def __post_init__(self) -> None:
-        freeze(self, "ranges", "half_angles", "max_incidences")
+        freeze(self, "ranges", "half_angles", "half_axes", "max_incidences")
         object.__setattr__(self, "turns", tuple(frozen_array(J) for J in self.turns))
 
 

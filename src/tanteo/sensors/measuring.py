@@ -131,6 +131,7 @@ def measure(
         cones=BeamCones(
             ranges=placed.ranges.filled(np.nan)[hit],
             half_angles=half_angles[hit],
+            half_axes=placed.half_axes.filled(np.nan)[hit],
             max_incidences=np.array([d.max_incidence for d in devices])[numbers][hit],
             responses=tuple(devices[k].response for k in numbers[hit]),
             turns=tuple(one.turns[hit] for one in shared),

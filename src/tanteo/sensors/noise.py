@@ -150,7 +150,7 @@ def carry(J: FloatArray, cov: Covariances) -> Covariances:
     return np.asarray(0.5 * (out + np.swapaxes(out, -1, -2)))
 
 
-_GOLDEN_TURN = math.pi * (3 - math.sqrt(5))
+_GOLDEN_TURN, _GOLDEN = math.pi * (3 - math.sqrt(5)), (math.sqrt(5) - 1) / 2
 
 
 def draw_aims(rng: np.random.Generator, half_angles: FloatArray | float, batch: tuple[int, ...] = ()) -> Vectors:
@@ -188,6 +188,42 @@ def cone_rays(half_angle: FloatArray | float, n: int) -> Vectors:
     k = np.arange(n, dtype=np.float64)
     off = np.asarray(np.tan(half_angle))[..., None] * np.sqrt((k + 0.5) / n)
     return _directions(off, k * _GOLDEN_TURN)
+
+
+def rectangle_rays(axis: Vectors, half_axes: Vectors, n: int) -> Vectors:
+    """Return ``n`` unit directions that fill a rectangular beam with equal areas (lattice of the golden ratio).
+
+    Args:
+        axis: direction of the beam ``(3,)``.
+        half_axes: half axes of the rectangle at distance one ``(2, 3)``.
+        n: number of directions.
+
+    Returns:
+        Directions ``(n, 3)`` in the frame of the axes.
+    """
+    k = np.arange(n) + 0.5
+    places = 2 * np.stack([k / n, k * _GOLDEN % 1.0], axis=-1) - 1
+    rays = np.asarray(axis) + places @ np.asarray(half_axes)
+    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+
+
+def square_axes(half_angle: float) -> Vectors:
+    """Return the half axes ``(2, 3)`` at distance one of the square whose section is that of a cone about +z.
+
+    Args:
+        half_angle: half angle of the cone [rad].
+    """
+    return np.eye(2, 3) * (0.5 * math.sqrt(math.pi) * math.tan(half_angle))
+
+
+def equal_cone(half_axes: Vectors) -> float:
+    """Return the half angle of the cone whose section is that of a rectangle [rad].
+
+    Args:
+        half_axes: half axes of the rectangle at distance one ``(2, 3)``.
+    """
+    area = 4 * float(np.linalg.norm(np.cross(half_axes[0], half_axes[1])))
+    return math.atan(math.sqrt(area / math.pi))
 
 
 def _directions(off: FloatArray, turn: FloatArray) -> Vectors:

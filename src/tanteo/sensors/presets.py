@@ -113,6 +113,27 @@ RESPONSES = ("ray", "nearest", "mean", "strongest")
 the cone, or the mean over the surface that returns most."""
 
 
+FOOTPRINTS = ("circle", "rectangle")
+"""Section of a beam: a circle, or a rectangle along x and y of the sensor, such as a zone of an array of detectors."""
+
+
+def check_footprint(name: str, footprint: str) -> None:
+    """Check the section of a beam; empty is allowed, for that of the preset.
+
+    Args:
+        name: name of the device in the message.
+        footprint: section to check.
+
+    Raises:
+        InputError: the section is none of :data:`FOOTPRINTS`.
+    """
+    if footprint and footprint not in FOOTPRINTS:
+        raise InputError(
+            f"footprint of '{name}': expected one of {', '.join(FOOTPRINTS)}, got '{footprint}'. Leave it out for a "
+            "circle."
+        )
+
+
 def check_response(name: str, response: str) -> None:
     """Check the response of a device; empty is allowed, for unknown.
 
@@ -139,7 +160,7 @@ class SensorPreset:
         kind: measuring principle: ``tof``, ``laser_triangulation``, ``touch``, ...
         min_range: smallest range [m].
         max_range: largest range [m]; 0 for a touch probe.
-        beam_half_angle: half angle of the beam's cone [rad].
+        beam_half_angle: half angle of the beam's cone, or of the cone of equal section for a rectangle [rad].
         sigma_const: constant standard deviation of a range [m].
         sigma_prop: standard deviation proportional to the range.
         sigma_quad: standard deviation proportional to the squared range [1/m].
@@ -151,6 +172,7 @@ class SensorPreset:
         rate_hz: readings per second.
         range_kind: ``radial`` along the beam, ``perpendicular`` along the optical axis, or ``contact``.
         response: what the device reports of its cone, one of :data:`RESPONSES`; empty if unknown.
+        footprint: section of the beam, one of :data:`FOOTPRINTS`.
         check: verified and assumed figures, see the module.
         source: source of the figures.
         outlier_rate: probability that a reading is not on the part; NaN for that of :class:`tanteo.Priors`. Assumed:
@@ -179,12 +201,14 @@ class SensorPreset:
     rate_hz: float = math.nan
     range_kind: str = "radial"
     response: str = ""
+    footprint: str = "circle"
     check: str = "A: all"
     source: str = ""
     outlier_rate: float = math.nan
 
     def __post_init__(self) -> None:
         check_response(self.name, self.response)
+        check_footprint(self.name, self.footprint)
 
     @property
     def is_contact(self) -> bool:

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tanteo.errors import InputError, did_you_mean
-from tanteo.geometry.typing import Covariances, FloatArray, Transforms
-from tanteo.sensors.presets import SensorPreset, check_response
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.sensors.noise import square_axes
+from tanteo.sensors.presets import SensorPreset, check_footprint, check_response
 from tanteo.values import Value, lock
 
 
@@ -23,7 +24,7 @@ class RigSensor(Value):
         T_hand_sensor: pose of the sensor on the hand ``(4, 4)`` [m]; the beam leaves its origin along +z.
         preset: noise law, beam and range limits; None if ``sd`` and ``beam_half_angle`` are given.
         sd: standard deviation along the beam [m], which overrides the preset's law; NaN to use the preset.
-        beam_half_angle: half angle of the beam's cone [rad].
+        beam_half_angle: half angle of the beam's cone, or of the cone of equal section for a rectangle [rad].
         max_range: largest range [m]; NaN if unknown.
         bias_sd: standard deviation of the bias common to all readings of this sensor [m].
         cov_mount: covariance of the mounting, a body error at the sensor common to all its readings ``(6, 6)``.
@@ -41,6 +42,7 @@ class RigSensor(Value):
         grid: rows, columns, height and width [rad] of the zones of the device; None for another device.
         response: what the device reports of its cone, one of :data:`~tanteo.sensors.presets.RESPONSES`; empty to use
             the preset's.
+        footprint: section of the beam, one of :data:`~tanteo.sensors.presets.FOOTPRINTS`; empty to use the preset's.
     """
 
     name: str
@@ -61,14 +63,36 @@ class RigSensor(Value):
     T_hand_unit: Transforms = field(default_factory=lambda: np.full((4, 4), np.nan))
     response: str = ""
     grid: tuple[int, int, float, float] | None = None
+    footprint: str = ""
 
     @property
     def device(self) -> str:
         """Name of the device with the beam."""
         return self.unit or self.name
 
+    @property
+    def half_axes(self) -> Vectors | None:
+        """Half axes of the rectangle at distance one, in the sensor frame ``(2, 3)``; None for a circle.
+
+        The zones of a grid fill its field of view. The rectangle of another beam is a square.
+        """
+        footprint = self.footprint or ("circle" if self.preset is None else self.preset.footprint)
+        if footprint == "circle":
+            return None
+        if self.grid is None:
+            return square_axes(self.beam_half_angle)
+        axes = (self.T_hand_sensor[:3, :3].T @ self.T_hand_unit[:3, :3]).T  # of the device, in the sensor frame
+        rows, columns, height, width = self.grid
+        depth = axes[2, 2]  # cosine between beam and optical axis
+        tangents = np.array([axes[0, 2], axes[1, 2]]) / depth
+        halves = np.array([width / columns, height / rows]) / 2
+        sides = (np.tan(np.arctan(tangents) + halves) - np.tan(np.arctan(tangents) - halves)) / 2
+        across = axes[:2] - axes[:2, 2:] * [0.0, 0.0, 1.0]
+        return np.asarray(depth * sides[:, None] * across)
+
     def __post_init__(self) -> None:
         check_response(self.name, self.response)
+        check_footprint(self.name, self.footprint)
         if np.isnan(self.T_hand_unit).all():
             object.__setattr__(self, "T_hand_unit", self.T_hand_sensor)
         for name, shape in (

@@ -3,7 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <tuple>
+#include <map>
+#include <memory>
+#include <mutex>
+
+#include "normal.hpp"
 
 namespace tanteo {
 
@@ -144,12 +148,36 @@ ConeEcho nearest_in(const Shape& shape, const std::vector<int>& triangles, const
     return best;
 }
 
-RayPattern::RayPattern(int count) : count(count) {
-    constexpr double GOLDEN_TURN = 2.39996322972865332;
+namespace {
+
+using Polygon = std::vector<std::pair<double, double>>;
+
+// The part of a convex polygon where a x + b y <= c.
+Polygon below(const Polygon& all, double a, double b, double c) {
+    Polygon out;
+    for (size_t k = 0; k < all.size(); ++k) {
+        const auto& [x, y] = all[k];
+        const auto& [X, Y] = all[(k + 1) % all.size()];
+        const double here = a * x + b * y - c, there = a * X + b * Y - c;
+        if (here <= 0) out.push_back(all[k]);
+        if ((here < 0) != (there < 0) && here != there) {
+            const double t = here / (here - there);
+            out.emplace_back(x + t * (X - x), y + t * (Y - y));
+        }
+    }
+    return out;
+}
+
+}  // namespace
+
+// A disc is filled by a sunflower (Vogel 1979), a square by a lattice of the golden ratio.
+RayPattern::RayPattern(int count, bool round) : count(count), round(round) {
+    constexpr double GOLDEN_TURN = 2.39996322972865332, GOLDEN = 0.61803398874989485;
     std::vector<std::pair<double, double>> places(count);
     for (int k = 0; k < count; ++k) {
-        const double radius = std::sqrt((k + 0.5) / count);
-        places[k] = {radius * std::cos(k * GOLDEN_TURN), radius * std::sin(k * GOLDEN_TURN)};
+        const double along = (k + 0.5) / count, radius = std::sqrt(along), turns = (k + 0.5) * GOLDEN;
+        places[k] = round ? std::pair{radius * std::cos(k * GOLDEN_TURN), radius * std::sin(k * GOLDEN_TURN)}
+                          : std::pair{2 * along - 1, 2 * (turns - std::floor(turns)) - 1};
     }
     std::sort(places.begin(), places.end());
     for (int k = 0; k < count; ++k) x[k] = static_cast<float>(places[k].first), y[k] = static_cast<float>(places[k].second);
@@ -157,6 +185,46 @@ RayPattern::RayPattern(int count) : count(count) {
         while (k < count && x[k] < 2.0 * bin / BINS - 1) ++k;
         bins[bin] = k;
     }
+    Polygon domain;
+    const int corners = round ? 48 : 4;
+    for (int k = 0; k < corners; ++k) {
+        const double turn = (k + 0.5) * 2 * PI / corners, reach = round ? 1.0 : std::sqrt(2.0);
+        domain.emplace_back(reach * std::cos(turn), reach * std::sin(turn));
+    }
+    for (int i = 0; i < count; ++i) {
+        Polygon cell = domain;
+        const auto bisector = [&](int j) {
+            const double a = places[j].first - places[i].first, b = places[j].second - places[i].second;
+            return std::array<double, 3>{a, b, a * 0.5 * (places[i].first + places[j].first) +
+                                                   b * 0.5 * (places[i].second + places[j].second)};
+        };
+        for (int j = 0; j < count; ++j) {
+            const double far = std::max(std::fabs(places[j].first - places[i].first), std::fabs(places[j].second - places[i].second));
+            if (j == i || far * far * count > 40) continue;  // beyond five spacings
+            const auto [a, b, c] = bisector(j);
+            cell = below(cell, a, b, c);
+        }
+        for (int j = i + 1; j < count; ++j) {
+            const auto [a, b, c] = bisector(j);
+            for (size_t k = 0; k < cell.size(); ++k) {
+                const auto& [x0, y0] = cell[k];
+                const auto& [x1, y1] = cell[(k + 1) % cell.size()];
+                const double slack = 1e-9 * std::hypot(a, b);
+                if (std::fabs(a * x0 + b * y0 - c) > slack || std::fabs(a * x1 + b * y1 - c) > slack) continue;
+                const double size = std::hypot(x1 - x0, y1 - y0) / std::hypot(a, b);
+                if (size > 0) sides.push_back({i, j, size * a, size * b});
+            }
+        }
+    }
+}
+
+const RayPattern& RayPattern::of(int count, bool round) {
+    static std::mutex mutex;
+    static std::map<std::pair<int, bool>, std::unique_ptr<RayPattern>> known;
+    const std::lock_guard<std::mutex> lock(mutex);
+    auto& found = known[{count, round}];
+    if (!found) found.reset(new RayPattern(count, round));
+    return *found;
 }
 
 int RayPattern::first_from(double bound) const {
@@ -166,22 +234,22 @@ int RayPattern::first_from(double bound) const {
 
 int RayPattern::end_at(double bound) const { return first_from(bound + 2.0 / BINS); }
 
-Seen::Seen(const Shape& shape, const std::vector<int>& triangles, const Cone& cone, const Vec3& u, const Vec3& v)
-    : cone(cone), slope(std::tan(cone.half_angle)) {
+Seen::Seen(const Shape& shape, const std::vector<int>& triangles, const Vec3& origin, const Section& section)
+    : section(section) {
     all.reserve(triangles.size());
+    const auto [across, up] = section.duals();
     for (const int t : triangles) {
         const int* corner = &shape.triangles[3 * static_cast<size_t>(t)];
-        Vec3 at[3];  // along u, v and the axis
+        Vec3 at[3];  // depth times x and y, and depth
         bool beyond = false;
         double least[2] = {1e300, 1e300}, most[2] = {-1e300, -1e300};
         for (int k = 0; k < 3; ++k) {
-            const Vec3 w = shape.vertices[corner[k]] - cone.origin;
-            at[k] = {dot(w, u), dot(w, v), dot(w, cone.axis)};
+            const Vec3 w = shape.vertices[corner[k]] - origin;
+            at[k] = {dot(w, across), dot(w, up), dot(w, section.axis)};
             beyond |= at[k].z <= 0;
             for (int i = 0; i < 2; ++i) {
-                const double across = at[k][i] / (slope * at[k].z);
-                least[i] = std::min(least[i], across);
-                most[i] = std::max(most[i], across);
+                least[i] = std::min(least[i], at[k][i] / at[k].z);
+                most[i] = std::max(most[i], at[k][i] / at[k].z);
             }
         }
         if (beyond)
@@ -195,16 +263,14 @@ Seen::Seen(const Shape& shape, const std::vector<int>& triangles, const Cone& co
         Triangle one;
         one.least = least[0];
         one.most = most[0];
-        const Vec3& n = shape.normals[t];
-        one.normal = {dot(n, u), dot(n, v), dot(n, cone.axis)};
-        one.height = -dot(one.normal, at[0]);
-        one.depth = (-1 / one.height) * Vec3{slope * one.normal.x, slope * one.normal.y, one.normal.z};
+        one.normal = shape.normals[t];
+        one.height = dot(one.normal, origin - shape.vertices[corner[0]]);
+        one.depth = (-1 / one.height) * Vec3{dot(one.normal, section.u), dot(one.normal, section.v), dot(one.normal, section.axis)};
         for (int i = 0; i < 3; ++i) one.near[i] = static_cast<float>(one.depth[i]);
         for (int k = 0; k < 3; ++k) {
             const Vec3 side = cross(at[k], at[(k + 1) % 3]);
             const double per = 1 / std::max(std::fabs(side.x) + std::fabs(side.y) + std::fabs(side.z), 1e-300);
-            const double coefficients[3] = {slope * side.x, slope * side.y, side.z};
-            for (int i = 0; i < 3; ++i) one.sides[k][i] = static_cast<float>(per * coefficients[i]);
+            for (int i = 0; i < 3; ++i) one.sides[k][i] = static_cast<float>(per * side[i]);
         }
         one.number = t;
         if (!all.empty() && (shape.faces[t] != shape.faces[all[0].number] || dot(one.normal, all[0].normal) < 1 - 1e-12 ||
@@ -222,22 +288,19 @@ void Seen::cast(const RayPattern& pattern, bool whole, std::vector<RayHit>& hits
     int who[RayPattern::MOST];                                                  // number of the triangle
     std::fill_n(nearest, pattern.count, 0.f);
     std::fill_n(who, pattern.count, -1);
-    double middle[2] = {0, 0}, half[2] = {1, 1};
-    for (int i = 0; i < 2 && !whole; ++i) {
-        std::tie(middle[i], half[i]) = middle_and_half(i);
-        half[i] *= 1.4142135623730951;
-    }
+    const auto [middle, half] = filled(0, whole);
+    const auto [centre, height] = filled(1, whole);
     for (int k = 0; k < pattern.count; ++k) {
-        x[k] = static_cast<float>(middle[0] + half[0] * pattern.x[k]);
-        y[k] = static_cast<float>(middle[1] + half[1] * pattern.y[k]);
+        x[k] = static_cast<float>(middle + half * pattern.x[k]);
+        y[k] = static_cast<float>(centre + height * pattern.y[k]);
     }
     for (size_t t = 0; t < all.size(); ++t) {
         // the outer side is towards the origin, so that the corners turn clockwise about the ray
         const Triangle& one = all[t];
         const std::array<float, 3> a = one.sides[0], b = one.sides[1], c = one.sides[2], d = one.near;
         const int number = static_cast<int>(t);
-        const int end = pattern.end_at((one.most - middle[0]) / half[0]);
-        for (int k = pattern.first_from((one.least - middle[0]) / half[0]); k < end; ++k) {
+        const int end = pattern.end_at((one.most - middle) / half);
+        for (int k = pattern.first_from((one.least - middle) / half); k < end; ++k) {
             const float first = a[2] + a[0] * x[k] + a[1] * y[k], second = b[2] + b[0] * x[k] + b[1] * y[k];
             const float third = c[2] + c[0] * x[k] + c[1] * y[k], depth = d[2] + d[0] * x[k] + d[1] * y[k];
             const float before = nearest[k];
@@ -246,13 +309,13 @@ void Seen::cast(const RayPattern& pattern, bool whole, std::vector<RayHit>& hits
             who[k] = hit ? number : known;
         }
     }
-    const double least = std::max(cone.least_cosine, 1e-3);
     for (int k = 0; k < pattern.count; ++k) {
-        if (who[k] < 0 || x[k] * x[k] + y[k] * y[k] > 1) continue;
+        if (who[k] < 0 || (section.round ? x[k] * x[k] + y[k] * y[k] : std::max(std::fabs(x[k]), std::fabs(y[k]))) > 1) continue;
         const Triangle& one = all[who[k]];
-        const double a = slope * x[k], b = slope * y[k], length = std::sqrt(1 + a * a + b * b);
-        const double depth = one.depth.z + one.depth.x * x[k] + one.depth.y * y[k], cosine = depth * one.height / length;
-        if (cosine > least) hits.push_back({length / depth, cosine, {a, b, 1}, one.normal, one.number});
+        const Vec3 along = section.axis + static_cast<double>(x[k]) * section.u + static_cast<double>(y[k]) * section.v;
+        const double length = norm(along), depth = one.depth.z + one.depth.x * x[k] + one.depth.y * y[k];
+        const double cosine = depth * one.height / length;
+        if (cosine > 1e-3) hits.push_back({length / depth, cosine, x[k], y[k], along, one.normal, one.number, k});
     }
 }
 

@@ -27,41 +27,71 @@ struct Cone {
 // origin is inside the part.
 std::vector<int> triangles_in(const Shape& shape, const Cone& cone, double reach);
 
-// Directions that fill a disc of radius one evenly, sorted by x.
+// Section of a beam at distance one along its axis: axis + x u + y v, where (x, y) is in the unit disc, or in the square from
+// -1 to 1. u and v are half axes across the axis, right-handed with it, and need not be perpendicular.
+struct Section {
+    Vec3 axis, u, v;
+    bool round;
+    // Vectors across the axis whose products with u and v are 1 and 0, 0 and 1.
+    std::pair<Vec3, Vec3> duals() const {
+        const double per = 1 / dot(cross(u, v), axis);
+        return {per * cross(v, axis), per * cross(axis, u)};
+    }
+};
+
+// Places that fill a disc or a square evenly, sorted by x, with the sides of their Voronoi cells.
 struct RayPattern {
     static constexpr int MOST = 255;
-    explicit RayPattern(int count);
+    // The pattern of a number of rays; one for each number and shape.
+    static const RayPattern& of(int count, bool round);
     // The first ray with x at or beyond a bound; up to some earlier.
     int first_from(double bound) const;
     // A number of rays beyond which x is greater than a bound.
     int end_at(double bound) const;
+    // The area of the disc or square.
+    double area() const { return round ? 3.14159265358979324 : 4; }
+
+    struct Side {
+        int i, j;
+        double x, y;  // its length times the unit normal from cell i to cell j
+    };
     int count;
+    bool round;
     float x[MOST], y[MOST];
+    std::vector<Side> sides;
 
   private:
     static constexpr int BINS = 32;
+    RayPattern(int count, bool round);
     int bins[BINS + 1];
 };
 
-// A ray of a cone that a surface answers, along axis + a u + b v.
+// A ray of a beam that a surface answers, along axis + x u + y v.
 struct RayHit {
-    double range, cosine;
+    double range, cosine, x, y;
     Vec3 along, normal;  // along: not of unit length
-    int triangle;
+    int triangle, ray;
+    double length() const { return norm(along); }
+    double height() const { return range * cosine; }  // of the origin over the plane of the triangle
 };
 
 // Triangles seen from one origin, for many rays: over the plane across the axis at distance one, the sides of a triangle
 // and one over its depth are linear.
 class Seen {
   public:
-    // The axes u and v are across that of the cone; u, v and the axis are right-handed.
-    Seen(const Shape& shape, const std::vector<int>& triangles, const Cone& cone, const Vec3& u, const Vec3& v);
-    // The first hits of the rays of a pattern, which turn with the cone: over the whole cone, or in the ellipse about the
-    // rectangle that the triangles may cover.
+    Seen(const Shape& shape, const std::vector<int>& triangles, const Vec3& origin, const Section& section);
+    // The first hits of the rays of a pattern, which turn with the beam: over the whole section, or over the part of it
+    // that the triangles may cover.
     void cast(const RayPattern& pattern, bool whole, std::vector<RayHit>& hits) const;
-    // The fraction of the cone's square that the ellipse about the triangles covers, at most 1.
-    double covered() const { return std::min(1.0, 2 * middle_and_half(0).second * middle_and_half(1).second); }
-    // Whether all triangles are in one plane, so that the range is smooth over the cone wherever it hits.
+    // The fraction of the section that the rays of a pattern fill, if they are not to fill the whole, at most 1.
+    double covered() const { return std::min(1.0, (section.round ? 2 : 1) * window(0).second * window(1).second); }
+    // Middle and half width of the rectangle about the triangles along u and v.
+    std::pair<double, double> window(int i) const { return {0.5 * (lo[i] + hi[i]), 0.5 * (hi[i] - lo[i])}; }
+    // The same of the section that the rays of a pattern fill.
+    std::pair<double, double> filled(int i, bool whole) const {
+        return whole ? std::pair{0.0, 1.0} : std::pair{window(i).first, window(i).second * (section.round ? 1.4142135623730951 : 1)};
+    }
+    // Whether all triangles are in one plane, so that the range is smooth over the beam wherever it hits.
     bool is_one_plane() const { return one_plane; }
 
   private:
@@ -72,12 +102,10 @@ class Seen {
         double least, most;            // bounds of x
         int number;
     };
-    std::pair<double, double> middle_and_half(int i) const { return {0.5 * (lo[i] + hi[i]), 0.5 * (hi[i] - lo[i])}; }
 
-    const Cone& cone;
-    double slope;
+    const Section& section;
     std::vector<Triangle> all;
-    double lo[2] = {1, 1}, hi[2] = {-1, -1};  // rectangle about the triangles, in half widths of the cone
+    double lo[2] = {1, 1}, hi[2] = {-1, -1};  // rectangle about the triangles, in x and y of the section
     bool one_plane = true;
 };
 

@@ -2,6 +2,7 @@
 // all rays, or the surface that returns most.
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include "factors/cone.hpp"
 #include "factors/on_surface.hpp"
@@ -23,8 +24,6 @@ constexpr double RAYS_ERROR = 0.7;  // error of the mean of n rays, over their s
 constexpr int STRONGER = 4;         // power of the signal to which a surface is the strongest
 constexpr double SAME = 0.3;        // difference in standard deviations up to which echoes of one face are one component
 
-const RayPattern ALL_RAYS(RAYS), SOME_RAYS(FEW_RAYS), DENSE_RAYS(MANY_RAYS);
-
 // Moments of ranges: sums of weights, of weighted ranges and of their squares.
 struct Moments {
     double weight = 0, first = 0, second = 0;
@@ -44,6 +43,8 @@ struct Background {
     Vec3 normal;        // in the part frame; zero without furniture
     double height = 0;  // of the origin of the cone
     Moments free[2];    // even, and by signal
+
+    bool exists() const { return squared(normal) > 0; }
 
     // The range at which the ray along a unit vector hits it; 0 for none.
     double range(const Vec3& ray) const {
@@ -85,11 +86,21 @@ class ConeRange final : public OnSurface {
         of_strongest = columns.number("of_strongest", row, 0, 1);
         furniture = columns.vector("furniture_normals", row);
         furniture_offset = columns.number("furniture_offsets", row, -1e300, 1e300);
+        const double slope = std::tan(half_angle);
+        half_u = columns.vector("half_widths", row);
+        half_v = columns.vector("half_heights", row);
+        round = !(squared(half_u) > 0 && squared(half_v) > 0);
+        if (round) half_u = slope * any_across(direction), half_v = cross(direction, half_u);
+        const double corner = std::sqrt(squared(half_u) + squared(half_v) + 2 * std::fabs(dot(half_u, half_v)));
+        widest = round ? half_angle : std::atan(corner);
+        if (!(dot(cross(half_u, half_v), direction) > 0) && slope > 0)
+            throw std::invalid_argument("half_widths, half_heights: expected right-handed axes about the beam.");
         if (!(squared(furniture) > 0)) return;
-        const Vec3 u = any_across(direction), v = cross(direction, u), origin = at - range * direction;
-        const double height = dot(furniture, origin) - furniture_offset, slope = std::tan(half_angle);
+        const Vec3 origin = at - range * direction;
+        const double height = dot(furniture, origin) - furniture_offset;
+        const RayPattern& pattern = RayPattern::of(RAYS, round);
         for (int k = 0; k < RAYS; ++k) {
-            const Vec3 ray = unit(direction + slope * (ALL_RAYS.x[k] * u + ALL_RAYS.y[k] * v));
+            const Vec3 ray = unit(direction + static_cast<double>(pattern.x[k]) * half_u + static_cast<double>(pattern.y[k]) * half_v);
             const double cosine = -dot(furniture, ray);
             if (!(cosine > 1e-3)) continue;
             furniture_returns[0].add(1.0 / RAYS, height / cosine);
@@ -100,6 +111,9 @@ class ConeRange final : public OnSurface {
 
   private:
     double range = 0, half_angle = 0, least_cosine = 0;
+    Vec3 half_u, half_v;  // half axes of the section of the beam at distance one, in the world
+    bool round = true;    // whether the section is an ellipse and no parallelogram
+    double widest = 0;    // half angle of the cone that holds the beam
     double of_rays = 0, of_nearest = 0, of_mean = 0, of_strongest = 0;  // probability of each response
     Vec3 furniture;                // outward normal of furniture in the cone, in the world; zero for none
     double furniture_offset = 0;   // of its plane along the normal
@@ -116,6 +130,16 @@ class ConeRange final : public OnSurface {
     void evaluate_rays(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance,
                        Components& out) const;
     double reach(double sd) const { return range + REACH * sd; }
+    struct Raster {
+        const Section& section;
+        const RayPattern& pattern;
+        const Seen& seen;
+        bool whole;
+        const std::vector<RayHit>& hits;
+    };
+    static Vec3 by_axis(const RayHit& hit, const Vec3& axis);
+    static void add_outlines(const Shape& shape, const Raster& raster, int face, bool by_signal, const Background* behind,
+                             ConeEcho& mean);
     Background background(const Placement& at, const Vec3& axis, double rays) const;
 };
 
@@ -133,6 +157,64 @@ Background ConeRange::background(const Placement& at, const Vec3& axis, double r
                        rays * (one.second + 2 * more * one.first + more * more * one.weight)};
     }
     return out;
+}
+
+// The derivative of the range of a ray by the axis, as the beam turns without rotation about it.
+Vec3 ConeRange::by_axis(const RayHit& hit, const Vec3& axis) {
+    return (hit.range / (hit.cosine * hit.length())) * (hit.normal - dot(hit.normal, axis) * hit.along);
+}
+
+// Adds what the outlines that move through the section change in the sum of w (r - mean) over the rays: by the transport
+// theorem of Reynolds, the integral over the outlines of the jump of w (r - mean) times their velocity (docs/math.md). An
+// outline is where neighbouring rays hit planes whose values differ between them; it moves with the nearer plane.
+void ConeRange::add_outlines(const Shape& shape, const Raster& raster, int face, bool by_signal, const Background* behind,
+                             ConeEcho& mean) {
+    const auto [middle, half] = raster.seen.filled(0, raster.whole);
+    const auto [centre, height] = raster.seen.filled(1, raster.whole);
+    const Section& section = raster.section;
+    const auto [across, up] = section.duals();
+    int hit_of[RayPattern::MOST];
+    std::fill_n(hit_of, raster.pattern.count, -1);
+    for (size_t k = 0; k < raster.hits.size(); ++k) hit_of[raster.hits[k].ray] = static_cast<int>(k);
+    const double per_area = raster.pattern.count / (raster.pattern.area() * half * height);
+    Vec3 by_origin, by_axis;
+    for (const RayPattern::Side& side : raster.pattern.sides) {
+        const RayHit* both[2] = {nullptr, nullptr};
+        if (hit_of[side.i] >= 0) both[0] = &raster.hits[hit_of[side.i]];
+        if (hit_of[side.j] >= 0) both[1] = &raster.hits[hit_of[side.j]];
+        if ((!both[0] && !both[1]) || (both[0] && both[1] && both[0]->triangle == both[1]->triangle)) continue;
+        const double x = middle + half * 0.5 * (raster.pattern.x[side.i] + raster.pattern.x[side.j]);
+        const double y = centre + height * 0.5 * (raster.pattern.y[side.i] + raster.pattern.y[side.j]);
+        if (section.round ? x * x + y * y > 1 : std::max(std::fabs(x), std::fabs(y)) > 1) continue;
+        const Vec3 off = x * section.u + y * section.v, along = section.axis + off;
+        const double length = norm(along);
+        double jump = 0, nearest = behind ? behind->range((1 / length) * along) : 0;
+        const double beyond = nearest > 0 ? nearest : 1e300;
+        nearest = beyond;
+        for (int k = 0; k < 2; ++k) {
+            double r = 0, cosine = 0;
+            if (both[k]) {
+                cosine = -dot(both[k]->normal, along) / length;
+                if (!(cosine > 1e-3)) continue;
+                r = both[k]->height() / cosine;
+                nearest = std::min(nearest, r);
+                if (face >= 0 && shape.faces[both[k]->triangle] != face) continue;
+            } else if (behind && beyond < 1e300) {
+                r = beyond;
+                cosine = -dot(behind->normal, along) / length;
+            } else {
+                continue;
+            }
+            jump += (k ? -1 : 1) * (by_signal ? signal_of(cosine, r) : 1.0) * (r - mean.range);
+        }
+        if (!(nearest < beyond)) continue;
+        const double nx = side.x * height, ny = side.y * half, inward = nx * x + ny * y;
+        const Vec3 normal = nx * across + ny * up;
+        by_origin += (-jump * length / nearest) * (normal - inward * section.axis);
+        by_axis += -jump * (normal + inward * off);
+    }
+    mean.by_origin += per_area * by_origin;
+    mean.by_axis += per_area * by_axis;
 }
 
 // Adds a component, or its share to an equal one. The variance is that of the noise, and more that does not depend on it.
@@ -170,23 +252,23 @@ void ConeRange::evaluate(const Placement& at, Components& out) const {
     const double variance = dot(at.m, at.C * at.m);
     // there was an echo: only the nearest surface must face the device, as other responses weaken with the incidence
     const Cone cone{at.p - range * at.m, at.m, half_angle, 0};
-    const Cone widest{cone.origin, cone.axis, std::min(half_angle * (1 + 1.74 * EDGE_SD), 1.55), least_cosine};
+    Cone about{cone.origin, cone.axis, std::min(half_angle * (1 + 1.74 * EDGE_SD), 1.55), least_cosine};
+    if (of_nearest < 1) about.half_angle = std::max(about.half_angle, widest);
     const bool all = of_mean + of_strongest > 0;  // surfaces behind the reported range count, too
-    const std::vector<int> triangles =
-        triangles_in(at.shape, widest, all ? 1e150 : reach(std::sqrt(variance)));
+    const std::vector<int> triangles = triangles_in(at.shape, about, all ? 1e150 : reach(std::sqrt(variance)));
     if (triangles.empty()) return;
     out.model = 1;
-    if (of_nearest > 0) evaluate_nearest(at, widest, triangles, variance, out);
+    if (of_nearest > 0) evaluate_nearest(at, about, triangles, variance, out);
     out.model = 0;
     if (of_nearest < 1) evaluate_rays(at, cone, triangles, variance, out);
 }
 
 // The half angle is uncertain: three nodes of Gauss and Hermite, which the nearest echo shares if it is inside all of them.
-void ConeRange::evaluate_nearest(const Placement& at, const Cone& widest, const std::vector<int>& triangles, double variance,
+void ConeRange::evaluate_nearest(const Placement& at, const Cone& about, const std::vector<int>& triangles, double variance,
                                  Components& out) const {
     const double nodes[3] = {1 + 1.732 * EDGE_SD, 1, 1 - 1.732 * EDGE_SD}, weights[3] = {1. / 6, 2. / 3, 1. / 6};
     const size_t first = out.size();
-    Cone cone = widest;
+    Cone cone = about;
     ConeEcho echo;
     double left = 1;
     for (int k = 0; k < 3; ++k) {
@@ -202,23 +284,26 @@ void ConeRange::evaluate_nearest(const Placement& at, const Cone& widest, const 
 
 void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance,
                               Components& out) const {
-    const Vec3 across = any_across(direction);  // of the world: the rays turn with the sensor
-    Vec3 u = transposed_times(at.R, across);
-    u = unit(u - dot(u, cone.axis) * cone.axis);
-    const Vec3 v = cross(cone.axis, u);
+    const auto across = [&](const Vec3& half) {  // in the world the rays turn with the sensor
+        const Vec3 own = transposed_times(at.R, half);
+        return own - dot(own, cone.axis) * cone.axis;
+    };
+    const Section section{cone.axis, across(half_u), across(half_v), round};
     const double slope = std::tan(half_angle);
     const size_t first = out.size();
-    const Seen seen(at.shape, triangles, cone, u, v);
+    const Seen seen(at.shape, triangles, cone.origin, section);
     thread_local std::vector<RayHit> hits;
     Background other;
-    double rays = 1;  // that would fill the cone
+    double rays = 1;  // that would fill the section
     // more rays are cast while the error of their mean is not small beside the noise, furniture that shows beside the part
-    // included. Where the part covers less than half of the cone, they are placed about the part only. The place of a random
-    // ray is known to one cell of the raster, so that few rays suffice; a mean needs all cells
+    // included. Where the part covers less than half of the section, they are placed about the part only. The place of a
+    // random ray is known to one cell of the raster, so that few rays suffice; a mean needs all cells
     const bool whole = seen.covered() > 0.5, mean = of_mean + of_strongest > 0;
     double error = 0;  // variance of the mean of n hits, over their spread
-    for (const RayPattern* pattern : {&SOME_RAYS, &ALL_RAYS, &DENSE_RAYS}) {
-        if (pattern == &DENSE_RAYS && (!mean || 2 * static_cast<int>(hits.size()) >= RAYS)) break;
+    const RayPattern* pattern = nullptr;
+    for (const int tried : {FEW_RAYS, RAYS, MANY_RAYS}) {
+        if (tried == MANY_RAYS && (!mean || 2 * static_cast<int>(hits.size()) >= RAYS)) break;
+        pattern = &RayPattern::of(tried, round);
         seen.cast(*pattern, whole, hits);
         rays = pattern->count / (whole ? 1.0 : std::max(seen.covered(), 1e-9));
         other = background(at, cone.axis, rays);
@@ -226,7 +311,7 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
         Moments all;
         for (const RayHit& hit : hits) {
             all.add(1, hit.range);
-            if (squared(other.normal) > 0) other.block(unit(hit.along.x * u + hit.along.y * v + hit.along.z * cone.axis));
+            if (other.exists()) other.block((1 / hit.length()) * hit.along);
         }
         for (Moments& one : other.free)
             if (!(one.weight > 0)) one = {};
@@ -245,37 +330,39 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
         ConeEcho echo;
         echo.range = hit.range;
         echo.triangle = hit.triangle;
-        const double length = norm(hit.along), turns = hit.range / (hit.cosine * length);
-        const Vec3 by_axis = turns * (hit.normal - hit.normal.z * hit.along), &m = hit.normal;
-        echo.by_origin = (1 / hit.cosine) * (m.x * u + m.y * v + m.z * cone.axis);
-        echo.by_axis = by_axis.x * u + by_axis.y * v + by_axis.z * cone.axis;
+        echo.by_origin = (1 / hit.cosine) * hit.normal;
+        echo.by_axis = by_axis(hit, cone.axis);
         add(at.shape, echo, of_rays / (n + other.free[0].weight), variance, cell * cell * tangent2 / rays, at.negligible, first, out);
     }
     // The mean of the rays of some faces, which are the hits where face is -1 or that of the triangle, and of furniture; even
     // or by signal. A mean over furniture, too, has the probability of the fraction that the part returns, as the rest of the
-    // density is that of furniture alone. Its derivative has the same rays hit, and omits that the outline moves: ascents
-    // take more steps, samples use none.
+    // density is that of furniture alone.
     const auto add_mean = [&](int face, bool by_signal, const Moments& beside, double share) {
         ConeEcho mean;
         Moments own;
-        Vec3 by_origin, by_axis;
         int count = 0;
         for (const RayHit& hit : hits) {
             if (face >= 0 && at.shape.faces[hit.triangle] != face) continue;
-            const double weight = by_signal ? signal_of(hit.cosine, hit.range) : 1.0;
-            own.add(weight, hit.range);
+            own.add(by_signal ? signal_of(hit.cosine, hit.range) : 1.0, hit.range);
             mean.triangle = hit.triangle;
             ++count;
-            if (!at.with_slope) continue;
-            by_origin += (weight / hit.cosine) * hit.normal;
-            by_axis += (weight * hit.range / (hit.cosine * norm(hit.along))) * (hit.normal - hit.normal.z * hit.along);
         }
         const Moments all{own.weight + beside.weight, own.first + beside.first, own.second + beside.second};
         mean.range = all.mean();
-        by_origin = (1 / all.weight) * by_origin;
-        by_axis = (1 / all.weight) * by_axis;
-        mean.by_origin = by_origin.x * u + by_origin.y * v + by_origin.z * cone.axis;
-        mean.by_axis = by_axis.x * u + by_axis.y * v + by_axis.z * cone.axis;
+        if (at.with_slope) {
+            for (const RayHit& hit : hits) {
+                if (face >= 0 && at.shape.faces[hit.triangle] != face) continue;
+                const double weight = by_signal ? signal_of(hit.cosine, hit.range) : 1.0, more = hit.range - mean.range;
+                // a signal is the height over the plane by the cubed range
+                const double by_range = by_signal ? weight * (1 - 3 * more / hit.range) : weight;
+                mean.by_origin += (by_range / hit.cosine + (by_signal ? weight * more / hit.height() : 0)) * hit.normal;
+                mean.by_axis += by_range * by_axis(hit, cone.axis);
+            }
+            const Background* behind = beside.weight > 0 ? &other : nullptr;
+            add_outlines(at.shape, {section, *pattern, seen, whole, hits}, face, by_signal, behind, mean);
+            mean.by_origin = (1 / all.weight) * mean.by_origin;
+            mean.by_axis = (1 / all.weight) * mean.by_axis;
+        }
         const double raster = error > 0 ? RAYS_ERROR * RAYS_ERROR / (count * std::sqrt(static_cast<double>(count))) : 0;
         add(at.shape, mean, share * own.weight / all.weight, variance, all.spread() * (WEIGHT_SD * WEIGHT_SD + raster),
             at.negligible, out.size(), out);

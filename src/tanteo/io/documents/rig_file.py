@@ -34,6 +34,7 @@ from tanteo.io.documents.schema import (
 )
 from tanteo.replaced import replaced
 from tanteo.sensors import Rig, RigSensor
+from tanteo.sensors.noise import equal_cone, square_axes
 from tanteo.sensors.presets import SensorPreset, sensor_preset
 
 _FARTHEST = 2.0
@@ -133,7 +134,7 @@ _MOST_ZONES = 4096
 _SENSOR_FIELDS = {
     "sd": "sd", "sd_per_range": "sd_prop", "beam_half_angle": "beam_half_angle", "max": "max_range",
     "bias_sd": "bias_sd", "bias": "bias", "scale": "scale", "scale_sd": "scale_sd",
-    "scale_covariance_m_rad": "cov_scale",
+    "scale_covariance_m_rad": "cov_scale", "footprint": "footprint",
 }  # fmt: skip
 """Field of :class:`RigSensor` for each table key."""
 
@@ -145,6 +146,14 @@ def _per_axis(sds: FloatArray) -> FloatArray | None:
 _SDS = ((), (3,)), _per_axis, "one or three numbers of zero or more"
 _FIELD = ((), (1,), (2,)), lambda f: f if ((f > 0) & (f < np.pi)).all() else None
 _FIELD_WORDS = "field_deg = [height, width] below 180, or one number for both"
+
+
+def _looking(across: FloatArray) -> Rotations:
+    """Return the axes of the zone at a place ``(2,)`` at distance one, its x along the columns as far as possible."""
+    z = np.append(across, 1.0) / np.sqrt(1 + across @ across)
+    x = np.array([1.0, 0.0, 0.0]) - z[0] * z
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
 
 
 class SensorTable(Table, frozen=True, kw_only=True, eq=False):
@@ -162,6 +171,7 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
     axis: Direction | None = None
     beam_half_angle: Annotated[float, Numbers("angle"), Meta(ge=0)] | None = None
     response: str | None = None
+    footprint: str | None = None
     max: Annotated[Length, Meta(gt=0)] | None = None
     bias_sd: Annotated[Length, Meta(ge=0)] | None = None
     bias: Length | None = None
@@ -188,7 +198,8 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
             InputError: a required key is missing, or a value is invalid.
         """
         preset = self._preset()
-        if preset is None and (self.sd is None or self.beam_half_angle is None):
+        filled = self.field is not None  # zones fill the field of view
+        if preset is None and (self.sd is None or (self.beam_half_angle is None and not filled)):
             raise self.at.error("expected a preset, or sd_mm and beam_half_angle_deg, got neither. Add them.")
         R = self._rotation()
         T_hand_unit = self._unit()
@@ -273,17 +284,27 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         (rows, columns), (height, width) = self.zones, np.broadcast_to(self.field, 2).tolist()
         out = []
         grid = (rows, columns, height, width)
+        footprint = self.footprint or ("rectangle" if self.beam_half_angle is None else "circle")
+        if footprint == "rectangle" and self.beam_half_angle is not None:
+            raise self.at.refused(
+                "beam_half_angle", "none beside zones that are rectangles", "Zones fill field_deg; remove one of both."
+            )
         biases = np.zeros(rows * columns) if self.zone_bias is None else self.zone_bias
         for (r, c), bias in zip(np.ndindex(rows, columns), biases.tolist(), strict=True):
             across = np.tan([width * ((c + 0.5) / columns - 0.5), height * ((r + 0.5) / rows - 0.5)])
-            turned = SO3.frame_from_axis(np.append(across, 1.0), 2)
+            turned = _looking(across)
             zone: dict[str, Any] = {
                 "name": f"{device.name}.{r + 1}.{c + 1}",
                 "T_hand_sensor": device.T_hand_sensor @ SE3.from_parts(turned, np.zeros(3)),
                 "axis_cosine": float(turned[2, 2]) if perpendicular else 1.0,
                 "bias": device.bias + bias,
             }
-            out.append(replace(device, **zone, unit=device.name, T_hand_unit=device.T_hand_sensor, grid=grid))
+            one = replace(
+                device, **zone, unit=device.name, T_hand_unit=device.T_hand_sensor, grid=grid, footprint=footprint
+            )
+            if one.half_axes is not None:
+                one = replace(one, beam_half_angle=equal_cone(one.half_axes))
+            out.append(one)
         return tuple(out)
 
     @classmethod
@@ -300,10 +321,11 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         bias = float(biases.mean())
         device = replace(first, T_hand_sensor=first.T_hand_unit, unit="", axis_cosine=1.0, bias=bias)
         uneven = bool(np.ptp(biases) > 0)
-        return structs.replace(
+        table = structs.replace(
             cls.of(device), zones=[rows, columns], field=np.array([height, width]),
-            zone_bias=biases - bias if uneven else None,
+            zone_bias=biases - bias if uneven else None, footprint=None,
         )  # fmt: skip
+        return table if first.half_axes is None else structs.replace(table, beam_half_angle=None)
 
     @classmethod
     def of(cls, sensor: RigSensor) -> SensorTable:
@@ -316,8 +338,12 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         U = sensor.T_hand_unit
         c = sensor.axis_cosine
         values: dict[str, Any] = {
-            ours: got for ours, theirs in _SENSOR_FIELDS.items() if not np.isnan(got := getattr(sensor, theirs)).any()
+            ours: got
+            for ours, theirs in _SENSOR_FIELDS.items()
+            if theirs != "footprint" and not np.isnan(got := getattr(sensor, theirs)).any()
         }
+        if sensor.footprint:
+            values["footprint"] = sensor.footprint
         values |= {"mount_covariance_m_rad": sensor.cov_mount}
         needless = [
             name
@@ -401,7 +427,7 @@ def _mounted(text: str, preset: str | None, sd: float | None) -> Rig:
         figures |= {} if sd is None else {"sd": sd}
         if preset is not None and (grid := re.search(r"(\d+)x(\d+)$", preset)):
             rows, columns = int(grid[1]), int(grid[2])
-            zone = 2 * sensor_preset(preset).beam_half_angle
+            zone = 2 * math.atan(square_axes(sensor_preset(preset).beam_half_angle)[0, 0])
             figures |= {"zones": [rows, columns], "field": np.array([rows * zone, columns * zone])}
         table = SensorTable(at=Place(part), position=T[:3, 3], quaternion_wxyz=SO3.as_quaternion(T[:3, :3]), **figures)
         found += table.sensors(name if equals else mount.name)

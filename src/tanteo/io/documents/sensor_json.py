@@ -101,6 +101,7 @@ def _rig_sensor(sensor: RigSensor) -> dict[str, Any]:
         "matrix": sensor.T_hand_sensor.tolist(),
         "noise": {name: float(getattr(device.law, name)) for name in ("const", "prop", "quad", "exp_d0", "exp_k")},
         "beam_half_angle_rad": sensor.beam_half_angle,
+        "half_axes": None if sensor.half_axes is None else sensor.half_axes.tolist(),
         "range_m": [device.min_range, device.max_range],
         "axis_cosine": sensor.axis_cosine,
         "bias_m": sensor.bias,

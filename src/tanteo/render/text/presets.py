@@ -58,7 +58,7 @@ def sensor_lines(preset: SensorPreset, *, layout: Layout = PLAIN) -> list[str]:
     else:
         lines += [
             f"  range      {_span(preset)} mm, {_RANGE_KINDS[preset.range_kind]}",
-            f"  beam       half angle {math.degrees(preset.beam_half_angle):.3g} deg",
+            f"  beam       half angle {math.degrees(preset.beam_half_angle):.3g} deg{_SECTIONS[preset.footprint]}",
         ]
     lines += [
         *([f"  response   {_RESPONSES[preset.response]}"] if preset.response else []),
@@ -75,6 +75,7 @@ def sensor_lines(preset: SensorPreset, *, layout: Layout = PLAIN) -> list[str]:
     return lines if preset.is_contact else [*lines, "", *_noise_table(preset, layout)]
 
 
+_SECTIONS = {"circle": "", "rectangle": " (a rectangle of equal section)"}
 _RESPONSES = {
     "ray": "ray: the range along one random ray of the cone",
     "nearest": "nearest: the range to the nearest surface in the cone",

@@ -12,6 +12,7 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.sensors.calibration.geometry import widened
 from tanteo.sensors.calibration.result import BeamFit, Calibration, DeviceFit
+from tanteo.sensors.devices import Device
 from tanteo.sensors.presets import SensorPreset
 from tanteo.sensors.rig import Rig, RigSensor
 
@@ -109,12 +110,15 @@ def _sensor(beam: BeamFit, old: RigSensor | None, preset: SensorPreset | None, s
     preset = preset if old is None else old.preset
     known = preset.max_range if preset is not None else math.nan
     half_angle = old.beam_half_angle if old is not None else 0.0 if preset is None else preset.beam_half_angle
+    response = Device(beam.name, preset, old).response
+    if response in ("", "ray") and not math.isnan(beam.place_sds[2]):  # a random ray; other responses scatter little
+        half_angle = 2 * float(beam.place_sds[2])
     return RigSensor(
         name=beam.name,
         T_hand_sensor=beam.T_hand_beam,
         preset=preset,
         sd=max(math.hypot(float(law.const), beam.place_sds[0]), _LEAST_SD),
-        beam_half_angle=half_angle if math.isnan(beam.place_sds[2]) else 2 * float(beam.place_sds[2]),
+        beam_half_angle=half_angle,
         max_range=known if old is None else old.max_range,
         bias_sd=0.0,
         cov_mount=cov_mount,
