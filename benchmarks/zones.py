@@ -1,7 +1,7 @@
 """Parts seen by the square zones of a multi-zone sensor: ``python benchmarks/zones.py --scenes 12``.
 
-A VL53L5CX looks at one of three parts from three places. Each of its 64 zones reports the mean of 144 rays that fill its
-square, weighted by the returned signal, of the part and of the table; rays meet triangles in NumPy and share no
+A VL53L5CX looks at one of three parts from three places. Each of its 64 zones reports the mean of 144 rays that fill
+its square, weighted by the returned signal, of the part and of the table; rays meet triangles in NumPy and share no
 code with the factor. Offset, scale and mounting of the device are drawn once for each scene from what the rig states.
 ``--reflectance 2`` lets the part return twice as much as the table, which the model does not know.
 """
@@ -158,8 +158,8 @@ def main():
             if arguments.verbose:
                 print(
                     f"{kind} {k}: {part.name}, {len(readings)} ranges: {answer.status}, {found[-1][0]:.4f}, "
-                    f"{right=!s}, {1e3 * moved:.1f} mm, stated {1e3 * best.corner_sd if best else 0:.1f}, NEES {value:.1f}, "
-                    f"{spent:.1f} s",
+                    f"{right=!s}, {1e3 * moved:.1f} mm, stated {1e3 * best.corner_sd if best else 0:.1f}, "
+                    f"NEES {value:.1f}, {spent:.1f} s",
                     flush=True,
                 )
         P, right, values, moved, spent = (np.array(x) for x in zip(*found, strict=True))
