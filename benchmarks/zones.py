@@ -1,6 +1,6 @@
 """Parts seen by the square zones of a multi-zone sensor: ``python benchmarks/zones.py --scenes 12``.
 
-A VL53L5CX looks at one of three parts from three places. Each of its 64 zones reports the mean of 144 rays that fill
+A VL53L5CX senses one of three parts from three places. Each of its 64 zones reports the mean of 144 rays that fill
 its square, weighted by the returned signal, of the part and of the table; rays meet triangles in NumPy and share no
 code with the factor. Offset, scale and mounting of the device are drawn once for each scene from what the rig states.
 ``--reflectance 2`` lets the part return twice as much as the table, which the model does not know.

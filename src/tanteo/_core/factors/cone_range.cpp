@@ -138,7 +138,7 @@ class ConeRange final : public OnSurface {
         const std::vector<RayHit>& hits;
     };
     static Vec3 by_axis(const RayHit& hit, const Vec3& axis);
-    static void add_outlines(const Shape& shape, const Raster& raster, int face, bool by_signal, const Background* behind,
+    static void add_outlines(const Shape& shape, const Raster& raster, int face, bool by_signal, const Background* farther,
                              ConeEcho& mean);
     Background background(const Placement& at, const Vec3& axis, double rays) const;
 };
@@ -167,7 +167,7 @@ Vec3 ConeRange::by_axis(const RayHit& hit, const Vec3& axis) {
 // Adds what the outlines that move through the section change in the sum of w (r - mean) over the rays: by the transport
 // theorem of Reynolds, the integral over the outlines of the jump of w (r - mean) times their velocity (docs/math.md). An
 // outline is where neighbouring rays hit planes whose values differ between them; it moves with the nearer plane.
-void ConeRange::add_outlines(const Shape& shape, const Raster& raster, int face, bool by_signal, const Background* behind,
+void ConeRange::add_outlines(const Shape& shape, const Raster& raster, int face, bool by_signal, const Background* farther,
                              ConeEcho& mean) {
     const auto [middle, half] = raster.seen.filled(0, raster.whole);
     const auto [centre, height] = raster.seen.filled(1, raster.whole);
@@ -188,7 +188,7 @@ void ConeRange::add_outlines(const Shape& shape, const Raster& raster, int face,
         if (section.round ? x * x + y * y > 1 : std::max(std::fabs(x), std::fabs(y)) > 1) continue;
         const Vec3 off = x * section.u + y * section.v, along = section.axis + off;
         const double length = norm(along);
-        double jump = 0, nearest = behind ? behind->range((1 / length) * along) : 0;
+        double jump = 0, nearest = farther ? farther->range((1 / length) * along) : 0;
         const double beyond = nearest > 0 ? nearest : 1e300;
         nearest = beyond;
         for (int k = 0; k < 2; ++k) {
@@ -199,9 +199,9 @@ void ConeRange::add_outlines(const Shape& shape, const Raster& raster, int face,
                 r = both[k]->height() / cosine;
                 nearest = std::min(nearest, r);
                 if (face >= 0 && shape.faces[both[k]->triangle] != face) continue;
-            } else if (behind && beyond < 1e300) {
+            } else if (farther && beyond < 1e300) {
                 r = beyond;
-                cosine = -dot(behind->normal, along) / length;
+                cosine = -dot(farther->normal, along) / length;
             } else {
                 continue;
             }
@@ -358,8 +358,8 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
                 mean.by_origin += (by_range / hit.cosine + (by_signal ? weight * more / hit.height() : 0)) * hit.normal;
                 mean.by_axis += by_range * by_axis(hit, cone.axis);
             }
-            const Background* behind = beside.weight > 0 ? &other : nullptr;
-            add_outlines(at.shape, {section, *pattern, seen, whole, hits}, face, by_signal, behind, mean);
+            const Background* farther = beside.weight > 0 ? &other : nullptr;
+            add_outlines(at.shape, {section, *pattern, seen, whole, hits}, face, by_signal, farther, mean);
             mean.by_origin = (1 / all.weight) * mean.by_origin;
             mean.by_axis = (1 / all.weight) * mean.by_axis;
         }
