@@ -55,7 +55,7 @@ def means(block, sensor, rays, T=None):
 
 
 def over_edge(block, beside=0.0):
-    """Return a device above the block whose last zone sees beyond an edge of its top, past which it hits nothing."""
+    """Return a device above the block whose last zone covers an edge of its top, past which it hits nothing."""
     low, high = block.part.box
     place = np.array([high[0] - 0.045 + beside, 0.5 * (low[1] + high[1]), high[2] + 0.12])
     return SE3.from_parts(np.diag([1.0, -1.0, -1.0]), place)
