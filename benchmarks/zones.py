@@ -22,7 +22,6 @@ from common import Table
 import tanteo
 from bare_scenes import inside, nees, off
 from tanteo.geometry import SE3, SO3
-from tanteo.io.documents import rig_file
 from tanteo.posterior import Table as OnTable
 from tanteo.sensors import Readings
 
@@ -129,11 +128,11 @@ def main():
     folder.mkdir(exist_ok=True)
     file = folder / "zones_rig.toml"
     file.write_text(RIG)
-    rig = rig_file.read_rig(file)
+    rig = tanteo.read_rig(file)
     stated = RIG + (f'response = "{arguments.response}"\n' if arguments.response else "")
     stated += "beam_half_angle_deg = 2.8\n" if arguments.footprint == "circle" else ""
     file.write_text(stated)
-    stated = rig_file.read_rig(file)
+    stated = tanteo.read_rig(file)
     columns = ("table", "mean stated probability", "right", "NEES / 6", "sd", "region holds", "off mm", "s CPU")
     table = Table("Square zones", f"{arguments.scenes} scenes each.", columns, [])
     for kind in arguments.table or ("stated", "none"):
