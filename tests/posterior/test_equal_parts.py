@@ -51,6 +51,23 @@ def test_each_of_two_parts_has_its_pose_and_readings(wedge, gap):
         assert off(wedge.part, one.best.T_world_part, Ts[true])[0] < 5 * one.best.corner_sd
 
 
+@pytest.mark.parametrize("radius", [0.0, 2e-3])
+def test_touches_on_a_table_are_no_second_part(wedge, radius):
+    """Seven touches of one plane fit a face of any part."""
+    rng, T = np.random.default_rng(2), poses()[0]
+    p, d = beams(wedge, 60, rng, tilt=0.1)
+    table = np.column_stack([rng.uniform(0.1, 0.14, 7), rng.uniform(0, 0.04, 7), np.full(7, 0.019)])
+    points = np.concatenate([SE3.apply(T, p), table]) + SD * rng.normal(size=(67, 3))
+    directions = np.concatenate([d @ T[:3, :3].T, np.tile([0, 0, -1.0], (7, 1))])
+    radii = {"radii": np.full(67, radius)}
+    readings = tanteo.Readings.from_columns(
+        points=points - radius * directions, directions=directions, sds=np.full(67, SD), **radii
+    )
+    answer = tanteo.locate(readings, wedge, conventions=False)
+    assert answer.equal == ()
+    assert "lie on one plane beside the part" in answer.message
+
+
 def test_one_part_that_moved_is_not_two(wedge):
     readings, _ = touched(wedge, poses((0.01, [2e-3, 1e-3, 0.0])), 14, np.random.default_rng(4))
     answer = tanteo.locate(readings, wedge, conventions=False)

@@ -38,6 +38,9 @@ _HALF = 0.5
 _LEFT = 0.1
 """Numerical: largest fraction of the readings, and of those of each part, that are on none of the parts."""
 
+_FLAT = 3.0
+"""Definition: scatter about a plane, in units of that about the part, below which a plane explains the readings."""
+
 _INSIDE, _DRAWN = 0.03, 400
 """Numerical: fraction of the points inside one part up to which another touches it; number of points drawn."""
 
@@ -68,6 +71,9 @@ def equal_parts(
     if found is None and (divided or count is not None):
         groups = _one_by_one(readings, part, question, count)
         found = _several(readings, groups, part, question, count)
+        # without a place of their own, readings that leave the pose open fit any part: they may be outliers
+        if found is not None and count is None and found.status == "insufficient":
+            return None
     return found
 
 
@@ -82,17 +88,18 @@ def _several(
         return None
     order = sorted(range(len(groups)), key=lambda k: int(np.argmax(groups[k])))
     groups = [groups[k] for k in order]
-    answers = list[Answer]()
+    answers, prepared = list[Answer](), prepare(part)
     for k, rows in enumerate(groups):
         one = _answer(question, readings.take(rows), part, first=k == 0)
         if one is None or one.status == "unknown" or one.unknown_probability > NOTABLE:
             return None
         if len(one.hypotheses[0].outliers) > _LEFT * rows.sum():
             return None
+        if count is None and _on_a_plane(readings.take(rows), one.hypotheses[0], prepared):
+            return None
         answers.append(one)
     best = [one.hypotheses[0] for one in answers]
     statuses = tuple(one.status for one in answers)
-    prepared = prepare(part)
     if "recognized" not in statuses or any(_overlap(prepared, one, other) for one, other in combinations(best, 2)):
         return None
     names = tuple(tuple(str(readings.ids[k]) for k in np.flatnonzero(rows)) for rows in groups)
@@ -104,6 +111,15 @@ def _several(
     undecided = [v for one in answers if one.status != "recognized" for v in one.findings if v.role == "verdict"]
     kept = [one for one in answers[0].findings if one.role != "verdict"]
     return replace(answers[0], status=worst, findings=(verdict, *undecided, *kept), equal=tuple(answers[1:]))
+
+
+def _on_a_plane(readings: Readings, best: Hypothesis, prepared: PreparedPart) -> bool:
+    """Return whether one plane explains the readings as well as the part does: they may be of a table or a jaw."""
+    points = readings.points.filled(0.0)
+    gaps = prepared.surface.closest(SE3.apply(SE3.inverse(best.T_world_part), points)).distances
+    part = np.sqrt(np.mean((gaps - readings.radii) ** 2))
+    plane = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[2] / np.sqrt(len(points))
+    return bool(plane < _FLAT * max(part, float(np.max(readings.sds.filled(0.0)))))
 
 
 def _by_place(readings: Readings, part: Part, count: int | None) -> list[BoolArray]:
