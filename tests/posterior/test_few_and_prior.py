@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import tanteo
+from bare_scenes import beams
 from tanteo import PosePrior, Priors, Readings, locate
 from tanteo.geometry import SE3, SO3
 from tanteo.io.poses import parse_pose_prior
-from tanteo.posterior import Table
+from tanteo.posterior import Table, prepare
 
 PART = tanteo.read_part(Path(__file__).parents[2] / "examples" / "parts" / "bracket_left.step")
 SD = 2e-5
@@ -84,6 +85,37 @@ def test_one_reading_measures_the_one_open_direction():
     assert answer.best.corner_sd < 1e-4  # that the reading may be an outlier does not multiply it
     wide = parse_pose_prior(f"{x},{y},{z - 15}mm 0,0,{yaw}deg +- 5,5,30mm 3deg")
     assert locate(readings, PART, priors=Priors(pose=PosePrior(wide.T, wide.C))).status == "insufficient"
+
+
+@pytest.mark.parametrize("yaw", [115.0, -65.0])
+def test_a_place_selects_the_image_of_a_symmetric_part(yaw):
+    """A half turn about the middle of the part moves its frame: with the heading open, the place decides."""
+    slot = tanteo.read_part(Path(__file__).parents[2] / "examples" / "parts" / "t_slot.step")
+    rng, T = np.random.default_rng(7), SE3.from_parts(SO3.axis_rotation(2, np.radians(yaw)), np.array([5e-4, 2e-4, 0]))
+    p, d = beams(prepare(slot), 10, rng, tilt=0.1)
+    readings = Readings.from_columns(
+        points=SE3.apply(T, p) + SD * rng.normal(size=p.shape), sds=np.full(10, SD), directions=d @ T[:3, :3].T
+    )
+    frame = parse_pose_prior("0,0,0mm 0,0,0deg +- 5,5,0.1mm 0.06,0.06,180deg")
+    answer = locate(readings, slot, priors=Priors(pose=PosePrior(frame.T, frame.C)))
+    assert answer.status == "recognized"
+    off = SE3.apply(T, slot.vertices) - SE3.apply(answer.best.T_world_part, slot.vertices)
+    assert np.linalg.norm(off, axis=1).max() < 4 * answer.best.corner_sd
+
+
+def test_a_coarse_pose_is_insufficient_where_the_heading_is_open():
+    """Its walls are 10 mm thick; a prior pose that leaves no motion free may be coarser."""
+    coarse = 0
+    for seed in range(5, 11):
+        rng = np.random.default_rng(seed)
+        T = placed(rng)
+        x, y, z = 1e3 * T[:3, 3]
+        frame = parse_pose_prior(f"{x},{y},{z}mm 0,0,0deg +- 5,5,0.05mm 0.06,0.06,180deg")
+        answer = locate(touched(T, 3, rng), PART, priors=Priors(pose=PosePrior(frame.T, frame.C)))
+        if answer.best.corner_sd > 5.2e-3:
+            coarse += 1
+            assert answer.status != "recognized"
+    assert coarse
 
 
 def test_an_attitude_free_about_two_axes_is_refused():

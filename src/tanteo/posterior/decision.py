@@ -11,9 +11,11 @@ from tanteo.catalogue import cache
 from tanteo.catalogue.copies import copy_for_walls
 from tanteo.factors import ContactPoints
 from tanteo.features import SharedError
+from tanteo.fitting.localization import weak_motions
 from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.typing import BoolArray
 from tanteo.parts import round_features
+from tanteo.posterior.answers.part_motions import part_scale
 from tanteo.posterior.answers.pose_prior import Table
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.answers.results import Hypothesis, Status
@@ -210,10 +212,13 @@ def _doubted(
 def _too_coarse(best: Hypothesis, prepared: PreparedPart, priors: Priors) -> Finding | None:
     """Return a finding if the pose is less certain than the smallest feature is large; None otherwise.
 
-    A prior pose states its own uncertainty, which the user accepts.
+    A prior pose that leaves no motion free states its own uncertainty, which the user accepts.
     """
+    part = prepared.part
     if priors.pose is not None and priors.pose.T_world_part is not None:
-        return None
+        stated = np.linalg.inv(np.asarray(priors.pose.covariance).reshape(-1, 6, 6)[0])
+        if not len(weak_motions(stated, part_scale(part))):
+            return None
     limit, what = smallest_feature(prepared)
     bound = _NINETY_FIVE * best.corner_sd
     return TooCoarse(best.part, bound, limit, what) if bound > limit else None

@@ -40,6 +40,12 @@ class PoseMixture:
     covariances: Covariances
     log_weights: FloatArray
 
+    def squared_distances(self, Ts: Transforms) -> FloatArray:
+        """Return the squared Mahalanobis distance of poses ``(S, 4, 4)`` from the nearest mean ``(S,)``."""
+        gaps = SE3.log(SE3.inverse(self.Ts)[:, None] @ Ts)
+        whitened = np.linalg.solve(np.linalg.cholesky(self.covariances)[:, None], gaps[..., None])[..., 0]
+        return np.asarray(np.sum(whitened**2, axis=-1).min(axis=0))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:

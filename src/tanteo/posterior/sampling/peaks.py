@@ -309,7 +309,7 @@ class Objective:
         D, own = self.problem.states, self.problem.settings.search
         if not len(Ts):
             return Peaks.none(D)
-        zs = np.zeros((len(Ts), D)) if zs is None else np.ascontiguousarray(zs)
+        zs, Ts = np.zeros((len(Ts), D)) if zs is None else np.ascontiguousarray(zs), self._likely_images(Ts)
         blurs = np.zeros(0) if fine else self.scales.blurs
         Ts, zs, logs, information, who, _ = _core.maximize(
             self.prepared.shape, self.core, np.ascontiguousarray(Ts), zs, blurs, own.steps, own.step_gain,
@@ -355,19 +355,26 @@ class Objective:
         return self._without_images(peaks)
 
     def _folded(self, peaks: Peaks) -> Peaks:
-        """Return poses as the symmetric images nearest to the first, or to the prior pose."""
+        """Return poses as the symmetric images nearest to the prior pose; without one, to the first pose."""
         symmetry = self.prepared.part.symmetry
         if symmetry.order == 1 and not is_gauge_fixed(self.prepared, named=self.named):
             return replace(peaks, Ts=np.ascontiguousarray(peaks.Ts))
-        known = self.problem.mixture(self.prepared)
-        reference = peaks.Ts[:1] if known is None else known.Ts[:1]
-        Ts = folded(self.prepared, peaks.Ts, reference, named=self.named)
+        Ts = self._likely_images(peaks.Ts) if self.named else folded(self.prepared, peaks.Ts, peaks.Ts[:1], named=False)
         # the axes of the tangent have turned with the pose
         information, turned = np.array(peaks.information), (Ts != peaks.Ts).any(axis=(1, 2))
         information[turned] = _core.slopes(
             self.prepared.shape, self.core, np.ascontiguousarray(Ts[turned]), np.ascontiguousarray(peaks.zs[turned])
         )[2]
         return replace(peaks, Ts=Ts, information=information)
+
+    def _likely_images(self, Ts: Transforms) -> Transforms:
+        """Return each pose ``(S, 4, 4)`` as the symmetric image nearest to the prior pose, in its own metric."""
+        known, turns = self.problem.mixture(self.prepared), self.prepared.part.symmetry.Ts
+        if known is None or len(turns) == 1:
+            return Ts
+        images = Ts[:, None] @ turns
+        nearest = known.squared_distances(images.reshape(-1, 4, 4)).reshape(len(Ts), -1).argmin(axis=1)
+        return np.ascontiguousarray(images[np.arange(len(Ts)), nearest])
 
     def _without_images(self, peaks: Peaks) -> Peaks:
         """Return maxima without those of which a symmetric image is near a better one."""
