@@ -2,8 +2,8 @@
 
 Two or three parts lie beside each other, turned about z, and each is touched 9 to 14 times, in mixed order. In the
 other kinds there is one part, and several must not be found. The table has the scenes in which the true number was
-found with every pose within five corner sds, those in which each part is recognized from its own readings alone, which
-is the most that can be expected, those in which several parts were found, and those with a pose farther off.
+found with every pose within five corner sds. Beside it are those in which each part is recognized from its own readings
+alone: no more can be expected. The last columns count the scenes with several parts found, and with a pose farther off.
 """
 
 from __future__ import annotations

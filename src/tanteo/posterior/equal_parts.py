@@ -114,7 +114,7 @@ def _several(
 
 
 def _on_a_plane(readings: Readings, best: Hypothesis, prepared: PreparedPart) -> bool:
-    """Return whether one plane explains the readings as well as the part does: they may be of a table or a jaw."""
+    """Return whether one plane explains the readings as well as the part does; it may be a table."""
     points = readings.points.filled(0.0)
     gaps = prepared.surface.closest(SE3.apply(SE3.inverse(best.T_world_part), points)).distances
     part = np.sqrt(np.mean((gaps - readings.radii) ** 2))
