@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -17,10 +17,16 @@ def chi2_survival(x: float, dof: int) -> float:
     if half == 0.0 or not math.isfinite(half):
         return 1.0 if half == 0.0 else (0.0 if half > 0 else math.nan)
     odd = dof % 2
-    start = 0.5 * odd
-    powers = start + np.arange(dof // 2)
-    logs = powers * math.log(half) - half - np.array([math.lgamma(power + 1.0) for power in powers])
+    powers, log_gammas = _terms(dof)
+    logs = powers * math.log(half) - half - log_gammas
     return min(1.0, float(np.sum(np.exp(logs))) + (math.erfc(math.sqrt(half)) if odd else 0.0))
+
+
+@lru_cache(maxsize=64)
+def _terms(dof: int) -> tuple[FloatArray, FloatArray]:
+    """Return the powers of the finite sum for chi-square, and the logs of their factorials ``(dof // 2,)``."""
+    powers = 0.5 * (dof % 2) + np.arange(dof // 2, dtype=np.float64)
+    return np.asarray(powers), np.array([math.lgamma(power + 1.0) for power in powers])
 
 
 @cache

@@ -102,11 +102,12 @@ def _length(points: Vectors, floor: float) -> float:
 def _tree(points: Vectors) -> FloatArray:
     """Return the lengths of the edges of the minimum spanning tree, gaps between patches shortened ``(n - 1,)``."""
     n = len(points)
-    nearest, out = np.full(n, np.inf), np.zeros(max(n - 1, 0))
-    at = 0
+    gaps, out = points[:, None] - points, np.zeros(max(n - 1, 0))
+    squares = np.sum(gaps * gaps, axis=-1)
+    at, nearest = 0, np.full(n, np.inf)
     for k in range(n - 1):
-        nearest = np.minimum(nearest, np.linalg.norm(points - points[at], axis=1))
-        nearest[at] = np.nan
-        at = int(np.nanargmin(nearest))
-        out[k] = nearest[at]
+        nearest = np.minimum(nearest, squares[at])
+        nearest[at], squares[:, at] = np.inf, np.inf  # its distance is in the tree
+        at = int(nearest.argmin())
+        out[k] = np.sqrt(nearest[at])
     return np.asarray(np.minimum(out, _BRIDGE * out.mean())) if n > 1 else out

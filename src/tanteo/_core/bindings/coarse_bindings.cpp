@@ -2,6 +2,7 @@
 #include "proposals/coarse.hpp"
 
 #include <algorithm>
+#include <limits>
 
 #include "bindings/catalogue_arguments.hpp"
 #include "parallel.hpp"
@@ -110,7 +111,9 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
     std::vector<double> scores(R, given.size() * effort.most);
     {
         nb::gil_scoped_release release;
-        const CoarsePoints points = coarse_points(given);
+        double cell = std::numeric_limits<double>::infinity();
+        for (const int row : chosen) cell = std::min(cell, coarse_cell(parts.part(row)));
+        const CoarsePoints points = coarse_points(given, cell);
         std::vector<CoarseRanked> ranked(R);
         std::vector<size_t> ends{0};
         while (ends.back() < R) ends.push_back(end_of_kind(of, ends.back()));

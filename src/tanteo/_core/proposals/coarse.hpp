@@ -51,8 +51,9 @@ struct CoarseBlock {
 
 // Uniform attitudes, and the extent of the points along a part's axes at each.
 struct CoarseTurns {
-    double apart = 0;        // approximate distance of adjacent attitudes [rad]
-    std::vector<Mat3> into;  // world to part
+    double apart = 0;            // approximate distance of adjacent attitudes [rad]
+    const Mat3* into = nullptr;  // world to part
+    size_t count = 0;            // number of attitudes
     std::vector<float> width[3], middle[3];
 };
 
@@ -72,7 +73,8 @@ struct CoarseView {
 
 using CoarseRanked = std::vector<std::pair<double, CoarseView>>;
 
-CoarsePoints coarse_points(const std::vector<CoarsePoint>& points);
+// Points for parts whose positions are at least a cell apart [m].
+CoarsePoints coarse_points(const std::vector<CoarsePoint>& points, double cell);
 
 // Distance of adjacent positions at which points are tried in a part [m].
 double coarse_cell(const CoarsePart& part);

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "proposals/coarse.hpp"
 
@@ -28,23 +29,45 @@ std::vector<Mat3> even_turns(int count) {
     return out;
 }
 
-// Extent of points along each axis at uniform attitudes.
-CoarseTurns turned(const std::vector<Vec3>& points, int count) {
-    CoarseTurns out;
-    out.into = even_turns(count);
-    out.apart = std::cbrt(6 * PI / count);  // balls of this radius fill the volume of all attitudes
-    const size_t n = points.size(), cut = std::min(SPARE, (n - 1) / 3);
-    std::vector<float> along(n);
-    for (const Mat3& into : out.into)
-        for (int k = 0; k < 3; ++k) {
-            for (size_t i = 0; i < n; ++i) along[i] = static_cast<float>((into * points[i])[k]);
-            std::nth_element(along.begin(), along.begin() + cut, along.end());
-            const float low = along[cut];
-            std::nth_element(along.begin() + cut, along.end() - 1 - cut, along.end());
-            const float high = along[n - 1 - cut];
-            out.width[k].push_back(high - low);
-            out.middle[k].push_back(0.5f * (low + high));
+// The values with `SPARE` smaller and with `SPARE` larger ones.
+class Ends {
+  public:
+    Ends() {
+        std::fill(low, low + SPARE + 1, 3e38f);
+        std::fill(high, high + SPARE + 1, -3e38f);
+    }
+    void add(float value) {
+        float smaller = value, larger = value;
+        for (size_t k = 0; k <= SPARE; ++k) {
+            const float least = std::min(low[k], smaller), most = std::max(high[k], larger);
+            smaller = std::max(low[k], smaller);
+            larger = std::min(high[k], larger);
+            low[k] = least;
+            high[k] = most;
         }
+    }
+    float low[SPARE + 1], high[SPARE + 1];
+};
+
+// Extent of points along each axis at uniform attitudes.
+CoarseTurns turned(const std::vector<Vec3>& points, size_t level) {
+    static const std::vector<Mat3> even[] = {even_turns(TURNS[0]), even_turns(TURNS[1]), even_turns(TURNS[2])};
+    CoarseTurns out;
+    out.into = even[level].data();
+    out.count = even[level].size();
+    out.apart = std::cbrt(6 * PI / out.count);  // balls of this radius fill the volume of all attitudes
+    const size_t cut = std::min(SPARE, (points.size() - 1) / 3);
+    for (size_t turn = 0; turn < out.count; ++turn) {
+        Ends ends[3];
+        for (const Vec3& point : points) {
+            const Vec3 at = out.into[turn] * point;
+            for (int k = 0; k < 3; ++k) ends[k].add(static_cast<float>(at[k]));
+        }
+        for (int k = 0; k < 3; ++k) {
+            out.width[k].push_back(ends[k].high[cut] - ends[k].low[cut]);
+            out.middle[k].push_back(0.5f * (ends[k].low[cut] + ends[k].high[cut]));
+        }
+    }
     return out;
 }
 
@@ -63,7 +86,7 @@ class Starts {
 
     std::vector<CoarseView> found() {
         size_t total = 0;
-        for (size_t turn = 0; turn < of.into.size(); ++turn) {
+        for (size_t turn = 0; turn < of.count; ++turn) {
             if (!fits(turn)) continue;
             regions.push_back(region_of(turn));
             total += regions.back().all();
@@ -153,7 +176,7 @@ class Starts {
 
 }  // namespace
 
-CoarsePoints coarse_points(const std::vector<CoarsePoint>& points) {
+CoarsePoints coarse_points(const std::vector<CoarsePoint>& points, double cell) {
     CoarsePoints out;
     for (const CoarsePoint& point : points) out.middle += (1.0 / points.size()) * point.at;
     std::vector<double> away;
@@ -175,7 +198,10 @@ CoarsePoints coarse_points(const std::vector<CoarsePoint>& points) {
     }
     std::sort(away.begin(), away.end());
     out.reach = away[3 * (away.size() - 1) / 4];
-    for (const int count : TURNS) out.turns.push_back(turned(about, count));
+    for (size_t level = 0; level < std::size(TURNS); ++level) {
+        out.turns.push_back(turned(about, level));
+        if (out.turns.back().apart * out.reach <= cell) break;
+    }
     return out;
 }
 

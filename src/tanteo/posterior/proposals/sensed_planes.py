@@ -173,12 +173,9 @@ def _without_face(problem: Problem, points: ContactPoints, planes: Planes, facto
     The cost is approximate: for an undirected point on the surface it assumes a density of 1 / m^2.
     """
     rate = problem.priors.outlier_rate
-    out = []
-    for rows in planes.rows:
-        peak = -np.log(np.sqrt(2 * np.pi) * factor * points.sd[rows])
-        elsewhere = outlier_log_density(points.take(rows), problem.priors)
-        out.append(float(np.sum(np.minimum(peak - elsewhere, 12.0))) + float(np.log1p(-rate) - np.log(rate)))
-    return np.array(out)
+    peak = -np.log(np.sqrt(2 * np.pi) * factor * points.sd)
+    gaps = np.minimum(peak - outlier_log_density(points, problem.priors), 12.0)
+    return np.array([gaps[rows].sum() for rows in planes.rows]) + np.log1p(-rate) - np.log(rate)
 
 
 def _parallel(own: SearchSettings, normals: FloatArray, tilts: FloatArray) -> BoolArray:
