@@ -70,7 +70,7 @@ def test_a_machine_needs_its_probe_and_its_workspace(run):
     ("machine", "frame", "words"),
     [
         ("fake:ur", "ur:p", "a controller that can set frames"),
-        ("fake:grbl", "G54", "as grbl:G54"),
+        ("fake:grbl", "haas:G54", "as grbl:G54"),
         ("fake:grbl", "G55@G54", "machine coordinates"),
     ],
 )
@@ -79,6 +79,14 @@ def test_a_frame_that_it_does_not_take_is_refused_first(run, machine, frame, wor
     assert result.code == 2
     assert words in result.err
     assert "hit after" not in result.err
+
+
+@pytest.mark.parametrize("machine", ["fake:grbl", "fake:linuxcnc"])
+def test_a_frame_alone_is_one_of_the_machine(run, machine):
+    """GRBL has no R: a turn that it cannot hold is named."""
+    result = probe(run, machine, "--wcs", "G54", "--accept-turn-lost", "--pose-prior", PRIOR)
+    line = next(line for line in result.out.splitlines() if line.startswith("G10 L2 P1"))
+    assert ("R" in line) == (machine == "fake:linuxcnc")
 
 
 def test_an_unreached_tolerance_is_not_written(run, tmp_path):

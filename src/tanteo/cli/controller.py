@@ -41,7 +41,7 @@ def _controller(text: str) -> str:
         ) from None
 
 
-def _work_frame(text: str) -> WorkFrame:
+def work_frame(text: str) -> WorkFrame:
     """Return the work frame that a text names; ``io`` is loaded when one is given."""
     try:
         return io.poses.parse_work_frame(text)
@@ -68,7 +68,7 @@ Wcs = Annotated[
         "Print the lines that set this work frame to the pose: G54, haas:G54, fanuc:G54, siemens:G54, heidenhain, "
         "fanuc:1, kuka:1, abb:NAME, ...",
     ),
-    typed.Words(_work_frame),
+    typed.Words(work_frame),
 ]
 Which = Annotated[
     int | None,

@@ -19,6 +19,7 @@ from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, warned
 
 if TYPE_CHECKING:
+    from tanteo.io.poses import WorkFrame
     from tanteo.machines import Probed, SafeMachine, Turn
     from tanteo.parts import Part
     from tanteo.planning import Session
@@ -81,7 +82,7 @@ def probe(options: Options, machine: MachineOptions) -> None:
 
     All motions stay within the given limits.
     """
-    words = controller.Words(options.pose_as, options.wcs, False, options.accept_turn_lost)
+    words = controller.Words(options.pose_as, _frame(options, machine), False, options.accept_turn_lost)
     files.check_report(options.report)
     files.check_target("--record", options.record)
     files.check_different(("--record", options.record), ("--report", options.report), parts=[options.part])
@@ -106,6 +107,14 @@ def probe(options: Options, machine: MachineOptions) -> None:
         files.report_session(options.report, session, *facts, as_json=options.json)
     refused = bool(words) and not machine.dry_run and words.refused(answer) is not None
     leave(decided=done.end.reached and (machine.dry_run or answer.status == "recognized") and not refused)
+
+
+def _frame(options: Options, machine: MachineOptions) -> WorkFrame | None:
+    """Return the frame of ``--wcs``; one without a controller is that of the machine."""
+    wcs, kind = options.wcs, machine.machine.kind
+    if wcs is None or wcs.within or wcs.controller != "linuxcnc" or kind not in _TAKES_FRAMES:
+        return wcs
+    return controller.work_frame(_TAKES_FRAMES[kind].replace("G54", wcs.slot))
 
 
 def _check_frame(words: controller.Words, options: Options, machine: MachineOptions) -> None:

@@ -253,11 +253,16 @@ def _result(
 ) -> PlanResult:
     """Return the result of a plan."""
     goal, reached = _goal(design, tolerance), brings.within >= confidence
-    enough = next((n for n, one in enumerate(readings, 1) if one.within_if_hit >= confidence), 0)
     return PlanResult(
         goal, reached, len(readings), readings[-1].sd, brings.within, brings.if_all_hit, brings.all_meet,
-        brings.if_all_hit >= confidence, brings.within_assumed, enough,
+        brings.if_all_hit >= confidence, brings.within_assumed,
+        _enough(readings, confidence),
     )  # fmt: skip
+
+
+def _enough(readings: Sequence[PlannedReading], confidence: float) -> int:
+    """Return the number of readings that suffice if all hit their faces; 0 if none does."""
+    return next((n for n, one in enumerate(readings, 1) if one.within_if_hit >= confidence), 0)
 
 
 def _nothing_to_do(start: Start, design: Design, tolerance: float, within: float) -> Plan:
@@ -276,4 +281,5 @@ def _too_wide_a_prior(
     if better is None or better.best(tolerance) < confidence:
         return None
     sd = design.places.sd(design.pose(design.prior))
-    return PriorTooWide(_goal(design, tolerance), sd, found.readings[-1].within)
+    enough = _enough(found.readings, confidence)
+    return PriorTooWide(_goal(design, tolerance), sd, found.readings[-1].within, enough)

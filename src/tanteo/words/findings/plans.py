@@ -116,6 +116,7 @@ class PriorTooWide(Finding):
         goal: goal of the plan.
         sd: largest corner sd, or sd of the feature, before the readings [m].
         within: probability that the plan keeps the tolerance.
+        in_session: as of :class:`PlanResult`.
     """
 
     kind: ClassVar[str] = "prior_too_wide"
@@ -123,6 +124,7 @@ class PriorTooWide(Finding):
     goal: PlanGoal
     sd: float
     within: float
+    in_session: int = 0
 
 
 @dataclass(frozen=True, slots=True)

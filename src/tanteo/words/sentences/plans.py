@@ -15,8 +15,8 @@ _HARDLY = 0.05
 """Information below which no reading discriminates two parts [nats]."""
 
 _SESSION = (
-    "sense in a session, which evaluates each reading before it chooses the next one (tanteo sense part, "
-    "tanteo.planning)"
+    "sense in a session, which evaluates each reading before it chooses the next one (tanteo probe; tanteo next for "
+    "readings made by hand)"
 )
 
 
@@ -46,6 +46,16 @@ def _at_least(p: float) -> str:
     return f"{math.floor(1e3 * p) / 1e3:.3f}"
 
 
+def _in_session(enough: int) -> str:
+    """Return how many readings suffice if none misses; empty if that is not known."""
+    if not enough:
+        return ""
+    return (
+        f" {enough} suffice where all hit; the others replace misses. A session, which aims each reading by the "
+        f"results before it, needs {enough} or a few more."
+    )
+
+
 @words_of.register
 def _(one: f.NoReadingNeeded) -> Words:
     return f"No reading is needed: the prior pose has {_aim(one.goal)} (P = {one.within:.3f}).", ""
@@ -59,11 +69,7 @@ def _(one: f.PlanResult) -> Words:
     after = f"After them: {_spread(one.goal, one.sd)}."
     if not math.isnan(one.within_assumed):
         after += f" With a scale error, drift and warp as locate assumes them: P = {_at_least(one.within_assumed)}."
-    if 0 < one.in_session < one.count:
-        after += (
-            f" {one.in_session} suffice where all hit; the others replace misses. A session, which aims each reading "
-            f"by the results before it, needs {one.in_session} or a few more."
-        )
+    after += _in_session(one.in_session) if one.in_session < one.count else ""
     smaller = _SMALLER if one.within_assumed < one.within - _NOTABLE else ""
     places = "1 reading places" if one.count == 1 else f"{one.count} readings place"
     if one.reached:
@@ -117,6 +123,7 @@ def _(one: f.PriorTooWide) -> Words:
     return (
         f"No readings that are planned beforehand place {_aim(one.goal)}. The prior pose is too uncertain "
         f"({_spread(one.goal, one.sd)}), so that useful readings may miss their faces (P = {_at_least(one.within)})."
+        f"{_in_session(one.in_session)}"
     ), f"Give a better prior pose, or {_SESSION}."
 
 
