@@ -27,6 +27,9 @@ _ONE_BEAM, _PARALLEL = 1e-3, float(np.cos(np.radians(1)))
 
 _WIDE = 2.0
 """Radius of the spot from which a cone is modelled [standard deviations along the beam] (benchmarks/wide_cones.py)."""
+_WIDE_OF_ONE_RANGE = 0.5
+"""The same for a response that predicts one range, which has its full density where an outline crosses the spot
+(benchmarks/zones.py)."""
 
 _LEAST_WIDTH = 0.3
 """Least standard deviation of a beam across it, as a fraction of that along it (decision 54)."""
@@ -298,7 +301,8 @@ def _cones(measured: PointMeasurements, covs: Covariances, directions: Vectors) 
     """Return the cones of beams whose spot is wide for their noise; None for the others."""
     cones = measured.cones
     sds = np.sqrt(np.einsum("ni,nij,nj->n", directions, covs, directions))
-    wide = cones.ranges * np.tan(cones.half_angles) > _WIDE * sds  # False for NaN
+    least = np.where(np.isin(cones.responses, ("mean", "strongest", "nearest")), _WIDE_OF_ONE_RANGE, _WIDE)
+    wide = cones.ranges * np.tan(cones.half_angles) > least * sds  # False for NaN
     wide &= directions.any(axis=1) & np.isnan(measured.normals[:, 0]) & (measured.radii == 0)
     return [
         MeasuredCone(
