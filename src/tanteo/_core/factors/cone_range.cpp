@@ -138,8 +138,17 @@ class ConeRange final : public OnSurface {
         const std::vector<RayHit>& hits;
     };
     static Vec3 by_axis(const RayHit& hit, const Vec3& axis);
-    static void add_outlines(const Shape& shape, const Raster& raster, int face, bool by_signal, const Background* farther,
-                             ConeEcho& mean);
+    // An outline between two rays, with what it sweeps as the origin or the axis of the beam moves, in rays.
+    struct Outline {
+        struct Place {
+            int hit = -1;  // of the raster; -1 for what is beside the part
+            double range = 0, cosine = 0;
+        } places[2];
+        Vec3 by_origin, by_axis;
+    };
+    static void find_outlines(const Raster& raster, const Background& other, std::vector<Outline>& out);
+    static void add_outlines(const Shape& shape, const Raster& raster, const std::vector<Outline>& outlines, int face,
+                             bool by_signal, bool with_furniture, ConeEcho& mean);
     Background background(const Placement& at, const Vec3& axis, double rays) const;
 };
 
@@ -164,57 +173,69 @@ Vec3 ConeRange::by_axis(const RayHit& hit, const Vec3& axis) {
     return (hit.range / (hit.cosine * hit.length())) * (hit.normal - dot(hit.normal, axis) * hit.along);
 }
 
-// Adds what the outlines that move through the section change in the sum of w (r - mean) over the rays: by the transport
-// theorem of Reynolds, the integral over the outlines of the jump of w (r - mean) times their velocity (docs/math.md). An
-// outline is where neighbouring rays hit planes whose values differ between them; it moves with the nearer plane.
-void ConeRange::add_outlines(const Shape& shape, const Raster& raster, int face, bool by_signal, const Background* farther,
-                             ConeEcho& mean) {
+// Where outlines move through the section: neighbouring rays that hit planes whose values differ between them. An outline
+// moves with the nearer plane.
+void ConeRange::find_outlines(const Raster& raster, const Background& other, std::vector<Outline>& out) {
+    out.clear();
+    const RayPattern& pattern = raster.pattern;
+    int hit_of[RayPattern::MOST];
+    std::fill_n(hit_of, pattern.count, -1);
+    for (size_t k = 0; k < raster.hits.size(); ++k) hit_of[raster.hits[k].ray] = static_cast<int>(k);
     const auto [middle, half] = raster.seen.filled(0, raster.whole);
     const auto [centre, height] = raster.seen.filled(1, raster.whole);
     const Section& section = raster.section;
     const auto [across, up] = section.duals();
-    int hit_of[RayPattern::MOST];
-    std::fill_n(hit_of, raster.pattern.count, -1);
-    for (size_t k = 0; k < raster.hits.size(); ++k) hit_of[raster.hits[k].ray] = static_cast<int>(k);
-    const double per_area = raster.pattern.count / (raster.pattern.area() * half * height);
-    Vec3 by_origin, by_axis;
-    for (const RayPattern::Side& side : raster.pattern.sides) {
-        const RayHit* both[2] = {nullptr, nullptr};
-        if (hit_of[side.i] >= 0) both[0] = &raster.hits[hit_of[side.i]];
-        if (hit_of[side.j] >= 0) both[1] = &raster.hits[hit_of[side.j]];
-        if ((!both[0] && !both[1]) || (both[0] && both[1] && both[0]->triangle == both[1]->triangle)) continue;
-        const double x = middle + half * 0.5 * (raster.pattern.x[side.i] + raster.pattern.x[side.j]);
-        const double y = centre + height * 0.5 * (raster.pattern.y[side.i] + raster.pattern.y[side.j]);
+    const double per_area = pattern.count / (pattern.area() * half * height);
+    for (const RayPattern::Side& side : pattern.sides) {
+        const int i = hit_of[side.i], j = hit_of[side.j];
+        if (i < 0 && j < 0) continue;
+        if (i >= 0 && j >= 0) {
+            const RayHit &one = raster.hits[i], &two = raster.hits[j];
+            if (one.triangle == two.triangle) continue;
+            if (dot(one.normal, two.normal) > 1 - 1e-12 && std::fabs(one.height() - two.height()) < 1e-9 * one.height()) continue;
+        }
+        const double x = middle + half * 0.5 * (pattern.x[side.i] + pattern.x[side.j]);
+        const double y = centre + height * 0.5 * (pattern.y[side.i] + pattern.y[side.j]);
         if (section.round ? x * x + y * y > 1 : std::max(std::fabs(x), std::fabs(y)) > 1) continue;
         const Vec3 off = x * section.u + y * section.v, along = section.axis + off;
         const double length = norm(along);
-        double jump = 0, nearest = farther ? farther->range((1 / length) * along) : 0;
-        const double beyond = nearest > 0 ? nearest : 1e300;
-        nearest = beyond;
+        Outline one;
+        double nearest = 1e300;
         for (int k = 0; k < 2; ++k) {
-            double r = 0, cosine = 0;
-            if (both[k]) {
-                cosine = -dot(both[k]->normal, along) / length;
-                if (!(cosine > 1e-3)) continue;
-                r = both[k]->height() / cosine;
-                nearest = std::min(nearest, r);
-                if (face >= 0 && shape.faces[both[k]->triangle] != face) continue;
-            } else if (farther && beyond < 1e300) {
-                r = beyond;
-                cosine = -dot(farther->normal, along) / length;
-            } else {
-                continue;
-            }
-            jump += (k ? -1 : 1) * (by_signal ? signal_of(cosine, r) : 1.0) * (r - mean.range);
+            Outline::Place& place = one.places[k];
+            place.hit = k ? j : i;
+            const Vec3& normal = place.hit >= 0 ? raster.hits[place.hit].normal : other.normal;
+            const double h = place.hit >= 0 ? raster.hits[place.hit].height() : other.exists() ? other.height : 0;
+            place.cosine = -dot(normal, along) / length;
+            if (!(place.cosine > 1e-3) || !(h > 0)) continue;
+            place.range = h / place.cosine;
+            if (place.hit >= 0) nearest = std::min(nearest, place.range);
         }
-        if (!(nearest < beyond)) continue;
+        const double by_furniture = other.exists() ? other.range((1 / length) * along) : 0;
+        if (!(nearest < 1e299) || (by_furniture > 0 && nearest >= by_furniture)) continue;
         const double nx = side.x * height, ny = side.y * half, inward = nx * x + ny * y;
         const Vec3 normal = nx * across + ny * up;
-        by_origin += (-jump * length / nearest) * (normal - inward * section.axis);
-        by_axis += -jump * (normal + inward * off);
+        one.by_origin = (-per_area * length / nearest) * (normal - inward * section.axis);
+        one.by_axis = -per_area * (normal + inward * off);
+        out.push_back(one);
     }
-    mean.by_origin += per_area * by_origin;
-    mean.by_axis += per_area * by_axis;
+}
+
+// Adds what the outlines change in the sum of w (r - mean) over the rays: by the transport theorem of Reynolds, the integral
+// over the outlines of the jump of w (r - mean) times their velocity (docs/math.md).
+void ConeRange::add_outlines(const Shape& shape, const Raster& raster, const std::vector<Outline>& outlines, int face,
+                             bool by_signal, bool with_furniture, ConeEcho& mean) {
+    for (const Outline& one : outlines) {
+        double jump = 0;
+        for (int k = 0; k < 2; ++k) {
+            const Outline::Place& place = one.places[k];
+            if (!(place.range > 0)) continue;
+            const bool counts = place.hit < 0 ? with_furniture : face < 0 || shape.faces[raster.hits[place.hit].triangle] == face;
+            if (counts) jump += (k ? -1 : 1) * (by_signal ? signal_of(place.cosine, place.range) : 1.0) * (place.range - mean.range);
+        }
+        mean.by_origin += jump * one.by_origin;
+        mean.by_axis += jump * one.by_axis;
+    }
 }
 
 // Adds a component, or its share to an equal one. The variance is that of the noise, and more that does not depend on it.
@@ -334,6 +355,15 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
         echo.by_axis = by_axis(hit, cone.axis);
         add(at.shape, echo, of_rays / (n + other.free[0].weight), variance, cell * cell * tangent2 / rays, at.negligible, first, out);
     }
+    if (!mean) return;
+    const Raster raster{section, *pattern, seen, whole, hits};
+    thread_local std::vector<Outline> outlines;
+    thread_local std::vector<Vec3> turned;
+    if (at.with_slope) {
+        find_outlines(raster, other, outlines);
+        turned.clear();
+        for (const RayHit& hit : hits) turned.push_back(by_axis(hit, cone.axis));
+    }
     // The mean of the rays of some faces, which are the hits where face is -1 or that of the triangle, and of furniture; even
     // or by signal. A mean over furniture, too, has the probability of the fraction that the part returns, as the rest of the
     // density is that of furniture alone.
@@ -356,10 +386,9 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
                 // a signal is the height over the plane by the cubed range
                 const double by_range = by_signal ? weight * (1 - 3 * more / hit.range) : weight;
                 mean.by_origin += (by_range / hit.cosine + (by_signal ? weight * more / hit.height() : 0)) * hit.normal;
-                mean.by_axis += by_range * by_axis(hit, cone.axis);
+                mean.by_axis += by_range * turned[static_cast<size_t>(&hit - hits.data())];
             }
-            const Background* farther = beside.weight > 0 ? &other : nullptr;
-            add_outlines(at.shape, {section, *pattern, seen, whole, hits}, face, by_signal, farther, mean);
+            add_outlines(at.shape, raster, outlines, face, by_signal, beside.weight > 0, mean);
             mean.by_origin = (1 / all.weight) * mean.by_origin;
             mean.by_axis = (1 / all.weight) * mean.by_axis;
         }
