@@ -318,7 +318,7 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         assert first.grid is not None
         rows, columns, height, width = first.grid
         biases = np.array([zone.bias for zone in zones])
-        bias = float(biases.mean())
+        bias = round(float(biases.mean()), 8)  # digits that a second writing finds again
         device = replace(first, T_hand_sensor=first.T_hand_unit, unit="", axis_cosine=1.0, bias=bias)
         uneven = bool(np.ptp(biases) > 0)
         table = structs.replace(
