@@ -22,7 +22,6 @@ from tanteo.posterior import OnTable
 from tanteo.vision import find_edges
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.camera import USUAL_EDGE_SD, project
-from tanteo.vision.candidates import with_unknown
 from tanteo.vision.edges import chance_hits, map_edges
 from tanteo.vision.image_edges import ImageEdges
 from tanteo.vision.posterior import infer
@@ -77,7 +76,7 @@ def pose(image, hidden, noise, wrong, stated):
     truth, errors = in_camera(shot), TableErrors()
     there = silhouette(model.frame.surface, camera, truth)
     region = max(find_regions(shot.image, points), key=lambda region: (region.mask & there).sum())
-    seen = with_unknown(ImageEdges(camera, map_edges(points), chance_hits(points)), region, [])
+    seen = ImageEdges(camera, map_edges(points), chance_hits(points))
     lying = OnTable(table, errors.height, errors.tilt, area_of(region, camera, T_camera_table))
     found = infer((seen,), [(model, (camera.T_world_camera @ truth)[None])], 1, lying=lying)
     answer = hypothesis(found.modes[0], (seen,), lying=True)

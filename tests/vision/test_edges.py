@@ -69,13 +69,41 @@ def test_an_edge_drifts_where_a_neighbour_pulls_it(gap):
         inner = np.all((edges.pixels > 8) & (edges.pixels < 88), axis=1)
         off = (edges.pixels[inner] - 48) @ n - 0.2
         own = np.abs(off) < 1.5
-        off, drifts = np.abs(off[own]), edges.drifts[inner][own]
+        off, drifts = np.abs(off[own]), np.abs(edges.drifts[inner][own])
         assert len(off) > 60
         if pulled:
             assert np.median(drifts) > 2 * np.median(off)
             assert np.median(off) > 0.002
         else:
             assert drifts.max() < 0.02
+
+
+@pytest.mark.parametrize(("slope", "bright"), [(4.0, True), (4.0, False), (8.0, True), (8.0, False)])
+def test_shading_displaces_an_edge_by_its_drift(slope, bright):
+    """A surface that gets brighter, or darker, away from the edge displaces it; the drift extrapolates to its place."""
+    image, n = step_image(0.3, 0.2, blur=EDGES.blur)
+    row, column = np.indices(image.shape)
+    far = (column - 48) * n[0] + (row - 48) * n[1] - 0.2
+    image = image + slope * np.clip(far if bright else -far, 0, 6) * (1 if bright else -1)
+    edges = find_edges(image)
+    own = np.all((edges.pixels > 12) & (edges.pixels < 84), axis=1) & (np.abs((edges.pixels - 48) @ n - 0.2) < 1)
+    off = ((edges.pixels[own] - 48) @ n - 0.2) * (1 if bright else -1)
+    drifts = edges.drifts[own] * (1 if bright else -1)
+    assert own.sum() > 60
+    assert off.mean() > 0.05
+    assert np.abs(off - EDGES.extrapolation * drifts).mean() < 0.4 * off.mean()
+
+
+@pytest.mark.parametrize("levels", [(40.0, 60.0), (40.0, 80.0), (40.0, 160.0), (20.0, 220.0)])
+def test_a_response_curve_moves_an_edge_to_the_dark(levels):
+    linear, n = step_image(0.3, 0.2, blur=EDGES.blur)
+    dark, bright = np.array(levels) ** 2.2
+    image = (dark + (linear - 90) / 80 * (bright - dark)) ** (1 / 2.2)
+    off, _, _ = offsets(image, n, 0.2)
+    edges = find_edges(image)
+    inner = np.all((edges.pixels > 8) & (edges.pixels < 88), axis=1)
+    assert off.mean() < -0.03
+    assert edges.responses[inner].mean() == pytest.approx(off.mean(), rel=0.3)
 
 
 def test_the_mean_along_an_edge_has_its_correlated_error():

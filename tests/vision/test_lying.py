@@ -41,7 +41,7 @@ def with_copies(camera, points, T, T_camera_table, length, share):
     moved = np.flatnonzero(across > 0.3 * np.linalg.norm(pixels))
     moved = moved[np.arange(len(moved)) % 10 < 10 * share]
     out = {"pixels": np.concatenate([points.pixels, points.pixels[moved] + pixels])}
-    for name in ("normals", "sds", "drifts", "contrasts", "widths"):
+    for name in ("normals", "sds", "drifts", "responses", "contrasts", "widths"):
         values = getattr(points, name)
         out[name] = np.concatenate([values, values[moved]])
     return map_edges(replace(points, **out)), way

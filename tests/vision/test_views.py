@@ -77,7 +77,7 @@ def test_views_add_the_states_of_their_cameras(scene):
     parts, _, views, readings = scene
     known = replace(views[1], camera=replace(views[1].camera, covariance=1e-8 * np.eye(6)))
     first, second = view_factors([views[0], known], readings.points, parts, sized(Priors(), 0.1))
-    assert (first.states, second.states) == (2, 8)
+    assert (first.states, second.states) == (3, 9)
     assert len(first.poses(parts[0])) > 0
     assert len(second.poses(parts[0])) == 0
 
@@ -147,11 +147,11 @@ def test_views_of_one_mounting_have_its_states_once(scene, floating):
     points = SE3.apply(T, np.array(part.corners.points)[:4])
     factors = view_factors(views, points, [part], sized(Priors(), part.radius))
     problem = Problem(ContactPoints.none(), FreeRays.none(), sized(Priors(), part.radius), pose_factors=factors)
-    assert problem.shared_errors == 3 * 2 + 6  # a shift by the lens in each image, one mounting
+    assert problem.shared_errors == 3 * 3 + 6  # a shift by the lens and a response curve in each image, one mounting
     other = replace(views[1], camera=replace(views[1].camera, mounting=replace_mounting(mounting)))
     factors = view_factors([views[0], other], points, [part], sized(Priors(), part.radius))
     problem = Problem(ContactPoints.none(), FreeRays.none(), sized(Priors(), part.radius), pose_factors=factors)
-    assert problem.shared_errors == 2 * 2 + 2 * 6
+    assert problem.shared_errors == 2 * 3 + 2 * 6
 
 
 def replace_mounting(mounting):

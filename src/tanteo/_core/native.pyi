@@ -367,6 +367,10 @@ def make_edge_image(
     sds: FloatArray,
     commons: FloatArray,
     widths: FloatArray,
+    normals: FloatArray,
+    drifts: FloatArray,
+    responses: FloatArray,
+    blur: float,
     chance: NDArray[np.float32],
 ) -> EdgeImage: ...
 def make_edge_part(

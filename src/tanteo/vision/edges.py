@@ -22,6 +22,10 @@ _INTERVALS, _ENOUGH = 16, 2000
 noise has an independent value in 18 pixels."""
 
 
+_SRGB = 2.2
+"""Definition: exponent of the response curve of sRGB."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgePoints:
     """Edge points of an image, in its pixels.
@@ -31,8 +35,9 @@ class EdgePoints:
         normals: unit normals from dark to bright ``(n, 2)``.
         sds: standard deviations along the normal ``(n,)`` [px]. Neighbours along an edge share their noise over
             ``EdgeSettings.correlation``.
-        drifts: distance ``(n,)`` by which the point moves along the normal in the coarser image;
-            zero for a lone straight step, large near another edge, a corner or a bend [px].
+        drifts: displacement of the point along the normal in the coarser image ``(n,)``; zero for a lone straight
+            step, large near another edge, a corner or a bend, or beside shading [px].
+        responses: displacement of the point along the normal by the response curve of sRGB ``(n,)`` [px].
         contrasts: gradients in standard deviations of their noise ``(n,)``.
         widths: standard deviations of the Gaussian that blurs each step, smoothing included ``(n,)`` [px].
         noise: standard deviation of one pixel of most of the image by independent noise with the same effect as noise
@@ -44,13 +49,14 @@ class EdgePoints:
     normals: FloatArray
     sds: FloatArray
     drifts: FloatArray
+    responses: FloatArray
     contrasts: FloatArray
     widths: FloatArray
     noise: float
     shape: tuple[int, int]
 
     def __post_init__(self) -> None:
-        freeze(self, "pixels", "normals", "sds", "drifts", "contrasts", "widths")
+        freeze(self, "pixels", "normals", "sds", "drifts", "responses", "contrasts", "widths")
 
     def __len__(self) -> int:
         return len(self.pixels)
@@ -63,8 +69,8 @@ class EdgePoints:
     def only(self, rows: BoolArray) -> EdgePoints:
         """Return some of the edge points."""
         values = (
-            self.pixels[rows], self.normals[rows], self.sds[rows], self.drifts[rows], self.contrasts[rows],
-            self.widths[rows],
+            self.pixels[rows], self.normals[rows], self.sds[rows], self.drifts[rows], self.responses[rows],
+            self.contrasts[rows], self.widths[rows],
         )  # fmt: skip
         return EdgePoints(*values, self.noise, self.shape)
 
@@ -147,7 +153,7 @@ def find_edges(image: FloatArray) -> EdgePoints:
     ratio = noise_by_level(image, size < EDGES.strong * noise * _SLOPE)
     local = np.maximum(noise * ratio, 1 / np.sqrt(12))
     strong = highest * ratio
-    least = EDGES.least_step / (np.sqrt(2 * np.pi) * np.hypot(EDGES.smoothing, 0.7))
+    least = EDGES.least_step / (np.sqrt(2 * np.pi) * EDGES.usual_width)
     rows, columns = _maxima(gx, gy, size, np.maximum(strong / 2, least))
     kept = _lasting(image.shape, rows, columns, (size > np.maximum(strong, 2 * least))[rows, columns])
     rows, columns = rows[kept], columns[kept]
@@ -162,10 +168,11 @@ def find_edges(image: FloatArray) -> EdgePoints:
     # the parabola goes through the logarithms of the values on either side, which are lower than the top
     sides = g * np.exp(0.5 * np.maximum(curvature, -2.0))
     sds = np.minimum(np.hypot(np.hypot(top_sd, shift * bend_sd) / (sides * np.abs(curvature)), EDGES.floor), 0.5)
-    drifts = np.abs(_moved(image, rows, columns, normals) - shift)
+    drifts = _moved(image, rows, columns, normals) - shift
     widths = 1 / np.sqrt(-curvature)
+    responses = _responses(_between(_smooth(image), *pixels.T), g * widths)
     shape = image.shape[0], image.shape[1]
-    return EdgePoints(pixels, normals, sds, drifts, g / slope_sd, widths, noise, shape)
+    return EdgePoints(pixels, normals, sds, drifts, responses, g / slope_sd, widths, noise, shape)
 
 
 def _moved(image: FloatArray, i: IntArray, j: IntArray, normals: FloatArray) -> FloatArray:
@@ -175,9 +182,30 @@ def _moved(image: FloatArray, i: IntArray, j: IntArray, normals: FloatArray) -> 
     return np.asarray(np.clip(-slope / np.minimum(curvature, -1e-2), -2.0, 2.0))
 
 
+def _responses(level: FloatArray, rise: FloatArray) -> FloatArray:
+    """Return the displacement of edges by the response curve of sRGB, from dark to bright ``(n,)`` [px].
+
+    The lens blurs light, and the curve ``g`` of the camera makes grey levels of it. To first order, the largest slope of
+    a step from light ``a`` to ``b`` is displaced by ``log(g'(b) / g'(a)) s^2 / sqrt(2 pi (s^2 + t^2))``, where ``s`` is
+    the blur by the lens and ``1 / t^2 = 1 / s^2 + 1 / smoothing^2``.
+
+    Args:
+        level: grey level at each edge ``(n,)``.
+        rise: slope of the grey level at each, times the width of its blur ``(n,)``.
+    """
+    half = 0.5 * np.sqrt(2 * np.pi) * rise
+    dark, bright = (np.maximum(one, 1.0) for one in (level - half, level + half))
+    s2 = EDGES.blur**2
+    t2 = 1 / (1 / s2 + 1 / EDGES.smoothing**2)
+    return np.asarray((1 - _SRGB) * np.log(bright / dark) * s2 / np.sqrt(2 * np.pi * (s2 + t2)))
+
+
+def _smooth(image: FloatArray, smoothing: float = EDGES.smoothing) -> FloatArray:
+    return np.asarray(opencv().GaussianBlur(image, (0, 0), smoothing, borderType=opencv().BORDER_REPLICATE))
+
+
 def _gradient(image: FloatArray, smoothing: float = EDGES.smoothing) -> tuple[FloatArray, FloatArray]:
-    cv2 = opencv()
-    smooth = cv2.GaussianBlur(image, (0, 0), smoothing, borderType=cv2.BORDER_REPLICATE)
+    smooth = _smooth(image, smoothing)
     gx, gy = np.zeros_like(smooth), np.zeros_like(smooth)
     gx[:, 1:-1] = 0.5 * (smooth[:, 2:] - smooth[:, :-2])
     gy[1:-1] = 0.5 * (smooth[2:] - smooth[:-2])

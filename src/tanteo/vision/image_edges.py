@@ -101,11 +101,13 @@ class ImageEdges(PoseFactor):
         shift = float(np.sqrt(0.5) * camera.edge_sd)
         # half of the variance of what misplaces a point is common to its edge, half is its own (decision 32)
         misplaced = 0.5 * (EDGES.floor**2 + (EDGES.by_drift * points.drifts) ** 2)
-        own, common = np.sqrt(points.sds**2 + EDGES.floor**2 + misplaced), np.sqrt(misplaced + shift**2)
+        noise = (EDGES.extrapolated_noise * points.sds) ** 2
+        own, common = np.sqrt(noise + EDGES.floor**2 + misplaced), np.sqrt(misplaced + shift**2)
         image = _core.make_edge_image(
             camera.numbers, np.ascontiguousarray(standing(camera)), root, mount,
             shift if shift > EDGES.floor else 0.0,
-            self.edges.nearest, points.pixels, own, common, points.widths,
+            self.edges.nearest, points.pixels, own, common, points.widths, points.normals,
+            EDGES.extrapolation * points.drifts, points.responses, EDGES.usual_width,
             np.ascontiguousarray(self.chance, dtype=np.float32),
         )  # fmt: skip
         object.__setattr__(self, "image", image)

@@ -143,7 +143,7 @@ def corrected(
         own = [mode for mode in found.modes if mode.prepared.part is part]
         Ts, zs = np.stack([mode.T_peak for mode in own]), np.stack([mode.z for mode in own])
         first, *others = sums_of(images, part, Ts, zs)
-        wanted = _there(part, Ts, first, lying) + sum(sums.there for sums in others)
+        wanted = _there(part, Ts, [first, *others], lying)
         at, constants = levels[part]
         constants = np.array(constants)
         for members in _near(part, Ts, wanted):
@@ -203,12 +203,20 @@ def _levels(images: Sequence[ImageEdges], search: PartSearch, lying: OnTable | N
     """Return poses of a part, and constants that make the integral about each the density that edges are there."""
     part, peaks = search.objective.prepared.part, search.peaks
     first, *others = sums_at(images, search)
-    wanted = _there(part, peaks.Ts, first, lying) + sum(sums.there for sums in others)
+    wanted = _there(part, peaks.Ts, [first, *others], lying)
     taken = first.there + first.located - first.log  # by the first constants
     evidence = peaks.evidence + taken + search.log_evidence - log_sum(peaks.evidence)
     groups = _near(part, peaks.Ts, wanted)
     levels = [float(log_sum(evidence[members])) - wanted[members[0]] for members in groups]
     return _images(part, peaks.Ts[[members[0] for members in groups]], np.array(levels))
+
+
+def _evidence(images: Sequence[ImageEdges], search: PartSearch, lying: OnTable | None) -> float:
+    """Return the log evidence of a part by its maxima, which count as the modes of the posterior do."""
+    part, Ts = search.objective.prepared.part, search.peaks.Ts
+    wanted = _there(part, Ts, sums_at(images, search), lying)
+    best = [wanted[members[0]] for members in _near(part, Ts, wanted)]
+    return float(log_sum(best)) if best else -np.inf
 
 
 def _images(part: Part, Ts: Transforms, levels: FloatArray) -> tuple[Transforms, FloatArray]:
@@ -267,7 +275,7 @@ def infer(
     unknown = sum(image.log_unknown for image in images)
     known = float(np.log1p(-problem.priors.unknown))
     prior = known - float(np.log(count))
-    evidence = np.array([search.log_evidence + prior for search in searches])
+    evidence = np.array([_evidence(images, search, lying) + prior for search in searches])
     anywhere = float(np.log(problem.priors.unknown)) + unknown
     least = float(log_sum([anywhere, *evidence])) + float(np.log(DEFAULTS.samples.region))
     likely = [s for s, own in zip(searches, evidence, strict=True) if own > least or own == evidence.max()]
@@ -314,8 +322,7 @@ def _weighed(
         rows = [k for k, mode in enumerate(found.modes) if mode.prepared.part is part]
         some = [found.modes[k] for k in rows]
         Ts = np.stack([mode.T_peak for mode in some])
-        first, *others = sums_of(images, part, Ts, np.stack([mode.z for mode in some]))
-        wanted = _there(part, Ts, first, lying) + sum(sums.there for sums in others) + prior
+        wanted = _there(part, Ts, sums_of(images, part, Ts, np.stack([mode.z for mode in some])), lying) + prior
         for members in _near(part, Ts, wanted):
             total = float(log_sum(wanted[members])) - wanted[members[0]]
             masses |= {rows[k]: float(wanted[k] - total) for k in members}
@@ -328,10 +335,10 @@ def _weighed(
     return tuple(sorted(modes, key=lambda mode: -mode.probability)), total
 
 
-def _there(part: Part, Ts: Transforms, sums: Sums, lying: OnTable | None) -> FloatArray:
+def _there(part: Part, Ts: Transforms, every: Sequence[Sums], lying: OnTable | None) -> FloatArray:
     """Return the log density that edges are there at poses ``(k,)``, the probability of the stable pose included."""
-    rests = 0.0 if lying is None else np.array([lying.log_probability(part, T) for T in Ts])
-    return np.asarray(sums.there + rests)
+    rests = np.zeros(len(Ts)) if lying is None else np.array([lying.log_probability(part, T) for T in Ts])
+    return np.asarray(sum((sums.there for sums in every), start=rests))
 
 
 def sums_at(images: Sequence[ImageEdges], search: PartSearch) -> list[Sums]:

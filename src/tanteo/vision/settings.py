@@ -28,6 +28,8 @@ class EdgeSettings:
         smoothing: standard deviation of the Gaussian that smooths the image [px].
         strong: gradient that an edge has somewhere, in standard deviations of its noise.
         least_step: least step of brightness of an edge, because rounding and compression make steps [grey levels].
+        blur: standard deviation of the blur by the lens and the area of a pixel in a sharp image [px].
+            ``benchmarks/edges_of_photographs.py``.
         coarser: standard deviation of the second, coarser Gaussian, which shows how far an edge point drifts [px].
             Decision 32.
         by_drift: standard deviation of an edge point for each pixel of its drift. Decision 32.
@@ -42,6 +44,7 @@ class EdgeSettings:
     smoothing: float = 1.2
     strong: float = 9.0
     least_step: float = 3.0
+    blur: float = 0.7
     coarser: float = 2.0
     by_drift: float = 0.25
     floor: float = 0.01
@@ -54,6 +57,31 @@ class EdgeSettings:
     def weak(self) -> float:
         """Gradient at which an edge ends, in standard deviations of its noise: half of the strong one (Canny 1986)."""
         return self.strong / 2
+
+    @property
+    def usual_width(self) -> float:
+        """Standard deviation of all blur of a step in a sharp image [px]."""
+        return float(np.hypot(self.smoothing, self.blur))
+
+    @property
+    def extrapolation(self) -> float:
+        """Displacement of an edge point by its blur, over its drift to the coarser image.
+
+        Shading beside an edge, and a bend, displace its largest slope by the variance of all blur, to first order.
+        """
+        return self.usual_width**2 / (self.coarser**2 - self.smoothing**2)
+
+    @property
+    def extrapolated_noise(self) -> float:
+        """Noise of the mean of extrapolated points along an edge, over that of the points.
+
+        The second derivatives of a Gaussian ``s`` in one dimension have noise of ``s^-2.5``, and that of two Gaussians
+        has the correlation ``(2 s t / (s^2 + t^2))^2.5``. An edge of width ``w`` is displaced by ``w^3`` times it.
+        """
+        s, t, c = self.smoothing, self.coarser, self.extrapolation
+        other = (np.hypot(t, self.blur) / self.usual_width) ** 3 * (s / t) ** 2.5
+        correlation = (2 * s * t / (s**2 + t**2)) ** 2.5
+        return float(np.sqrt((1 + c) ** 2 + (c * other) ** 2 - 2 * (1 + c) * c * other * correlation))
 
     @property
     def correlation(self) -> float:
@@ -93,7 +121,7 @@ class EvidenceSettings:
             Decision 87.
         same_place: distance within which two samples match the same place of the image [px]. Decision 38.
         same_direction: cosine between directions of such samples. Decision 38.
-        most_pulled: largest displacement of a blurred rim that is corrected [px]. Decision 73.
+        most_pulled: largest displacement of an edge by blur that is corrected [px]. Decision 73.
         same_pose: shift between two poses that are one, as a share of the part's diagonal. Decision 87.
         missed: probability that the true pose is not proposed: 3 of 74 (``python benchmarks/vision_fit.py 102``).
     """

@@ -22,7 +22,7 @@ using namespace nb::literals;
 
 std::shared_ptr<EdgeImage> make_edge_image(Doubles camera, Doubles T_world_camera, Doubles camera_root,
                                            Doubles mount_root, double shift_sd, Ints nearest, Doubles pixels, Doubles sds, Doubles commons, Doubles widths,
-                                           Floats chance) {
+                                           Doubles normals, Doubles drifts, Doubles responses, double blur, Floats chance) {
     auto image = std::make_shared<EdgeImage>();
     image->lens = lens_of(camera);
     expect(T_world_camera, "T_world_camera", {4, 4});
@@ -41,6 +41,12 @@ std::shared_ptr<EdgeImage> make_edge_image(Doubles camera, Doubles T_world_camer
     image->sds = doubles(sds, "sds", {count});
     image->commons = doubles(commons, "commons", {count});
     image->widths = doubles(widths, "widths", {count});
+    expect(normals, "normals", {count, 2});
+    image->normals.assign(normals.data(), normals.data() + normals.size());
+    image->drifts = doubles(drifts, "drifts", {count});
+    image->responses = doubles(responses, "responses", {count});
+    image->blur = expect(blur, "blur", 0, 1e3);
+    for (const double value : image->responses) image->has_response |= value != 0;
     for (const double sd : image->sds)
         if (!(sd > 0)) refuse("sds", "expected standard deviations above zero");
     if (chance.size() != 1 && chance.size() != count) refuse("chance", "expected one value, or one for each edge point");
@@ -166,7 +172,7 @@ void offer_pose_terms(nb::module_& m) {
     nb::class_<NormalPoses, PoseTerm>(m, "NormalPoses");
     nb::class_<Alternatives, PoseTerm>(m, "Alternatives");
     m.def("make_edge_image", &make_edge_image, "camera"_a, "T_world_camera"_a, "camera_root"_a, "mount_root"_a, "shift_sd"_a, "nearest"_a,
-          "pixels"_a, "sds"_a, "commons"_a, "widths"_a, "chance"_a);
+          "pixels"_a, "sds"_a, "commons"_a, "widths"_a, "normals"_a, "drifts"_a, "responses"_a, "blur"_a, "chance"_a);
     m.def("make_edge_part", &make_edge_part, "frame"_a, "groups"_a, "bends"_a, "marks"_a);
     m.def("image_edges", &image_edges, "part"_a, "image"_a, "rules"_a, "level_poses"_a, "levels"_a,
           "reach"_a, "first"_a, "common"_a);

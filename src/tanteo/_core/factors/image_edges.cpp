@@ -14,7 +14,7 @@ namespace {
 constexpr double EYE_STEP = 2e-3;
 constexpr size_t MOST_VIEWS = 4096;
 
-constexpr int MOST_COLUMNS = 20;
+constexpr int MOST_COLUMNS = 21;
 
 double normal_density(double d, double sd) { return std::exp(-0.5 * d * d / (sd * sd)) / (std::sqrt(2 * PI) * sd); }
 
@@ -85,7 +85,8 @@ double ImageEdges::level_at(const Pose& T, double least) const {
 ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) const {
     const EdgeFrame& frame = *part->frame;
     const double* z = state.z.data() + first;
-    const int of_camera = image->camera_states(), own = image->states(), states = own + image->mount_states();
+    const int of_camera = image->camera_states(), of_shift = image->shift_states();
+    const int own = image->states(), states = own + image->mount_states();
     Pose camera = image->T_world_camera;
     // the roots of the errors of the camera's pose, the errors, and their first columns of a row
     struct Root {
@@ -103,10 +104,11 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
         camera = moved(camera, load(xi), load(xi + 3), {});
     }
     Lens lens = image->lens;
-    if (own > of_camera) {
+    if (of_shift) {
         lens.cx += image->shift_sd * z[of_camera];
         lens.cy += image->shift_sd * z[of_camera + 1];
     }
+    const double response = 0.5 + (image->has_response ? 0.5 * z[own - 1] : 0);
     const Pose pose{transposed(camera.R) * state.pose.R, into_part(camera, state.pose.t)};  // part in the camera frame
     const std::shared_ptr<const View> view = view_from(into_part(pose, {}));
 
@@ -130,9 +132,13 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
         }
         // blur moves edge points of a bend inside by half its square over the radius (Bouma and others 2005)
         const double scale = m.span / frame.samples[k].length, width = image->widths[m.point];
+        const double* normal = &image->normals[2 * m.point];
+        const double side = std::copysign(1.0, m.nx * normal[0] + m.ny * normal[1]);
+        const double responding = side * image->responses[m.point];
         const double curvature = dot(load(m.slope), part->bends[k]) / std::max(scale * scale, 1e-300);
-        const double pulled = 0.5 * width * width * curvature;
-        const double offset = m.offset - std::min(std::max(pulled, -rules.most_pulled), rules.most_pulled);
+        const double pulled = 0.5 * (width * width - image->blur * image->blur) * curvature + side * image->drifts[m.point];
+        const double offset =
+            m.offset - std::min(std::max(pulled, -rules.most_pulled), rules.most_pulled) - response * responding;
         all.back().offset = offset;
         if (slope) {
             // the offset shrinks by m.slope along motions of the part about its origin; about c they are (v + c x w, w)
@@ -148,10 +154,11 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
                         row[one.column + c] += by_point[i] * one.root[6 * i + c] + by_turn[i] * one.root[6 * (3 + i) + c];
                 }
             }
-            if (own > of_camera) {
+            if (of_shift) {
                 row[6 + of_camera] = -image->shift_sd * m.nx;
                 row[7 + of_camera] = -image->shift_sd * m.ny;
             }
+            if (image->has_response) row[5 + own] = -0.5 * responding;
         }
         matched.push_back(all.back());
         places.push_back({m.x + offset * m.nx, m.y + offset * m.ny, m.nx, m.ny, std::max(m.span, rules.beside),

@@ -36,8 +36,14 @@
 // because edges are more exact than models of parts and of light (decision 87). Farther from these poses, S_0 is at least
 // the S of edges that all come from other objects: there the image carries no information on the pose.
 //
+// The offsets d are those of the edge points less their biases m_i = c t_i + (1/2 + z_r / 2) r_i. t_i is the displacement of
+// the point in a coarser image: shading beside an edge displaces it by the variance of all blur, and c extrapolates to none.
+// The lens blurs light, and the response curve of the camera then moves the edge to the dark side, by r_i for the curve of
+// sRGB, by nothing for a linear camera.
+//
 // Shared errors: the camera's pose, T_world_camera exp(S z + M y) with S S' its covariance in this image and M M' that of its
-// mounting, whose errors y are the same in all images of the mounting; and a shift of all edges in the image.
+// mounting, whose errors y are the same in all images of the mounting; a shift of all edges in the image; and the response
+// curve z_r.
 #pragma once
 #include <algorithm>
 #include <map>
@@ -61,10 +67,14 @@ struct EdgeImage {
     int64_t rows = 0, columns = 0, channels = 0;
     std::vector<int32_t> nearest;     // channels x rows x columns: the nearest edge point of a direction; -1 for none
     std::vector<double> pixels, sds, commons, widths;  // edge points n x 2; their noise, the error common to their edge, and their blur, each n [px]
+    std::vector<double> normals, drifts, responses;  // unit normals n x 2; c t_i and r_i along them, each n [px]
+    double blur = 0;                  // blur whose effect on a bend the drifts include [px]
+    bool has_response = false;        // whether any r_i is not zero
     std::vector<float> chance;        // of each edge point, or one value for all
 
     int camera_states() const { return camera_root.empty() ? 0 : 6; }
-    int states() const { return camera_states() + (shift_sd > 0 ? 2 : 0); }
+    int shift_states() const { return shift_sd > 0 ? 2 : 0; }
+    int states() const { return camera_states() + shift_states() + has_response; }
     int mount_states() const { return mount_root.empty() ? 0 : 6; }
 };
 
@@ -75,7 +85,7 @@ struct EdgeRules {
     double spread, displaced, displaced_sd;  // sigma, a, sigma_a [px]
     double hits, misses;                  // h, m
     double beside, along;                 // samples match one place within this distance [px] and cosine of their normals
-    double most_pulled;                   // largest correction of the displacement of a blurred rim [px]
+    double most_pulled;                   // largest correction of the displacement of an edge by blur [px]
     double correlation;                   // length over which the noise of edge points is one draw [px]
     double astray;                        // g; 0 omits S
     double near;                          // motion up to which S_0 of a pose applies, over the spread of the part's marks
