@@ -1,10 +1,9 @@
 """Edges of photographs at the true pose: ``python benchmarks/edges_of_photographs.py [kinds images seed]``.
 
-The photographs are those of ``photographs.py``, with the same arguments and ``--cache FOLDER``. For every edge of a part
-the mean distance of its edge points from the true edge is compared with what the image factor assumes: as the points
-are found, and after the shading (``EdgeSettings.extrapolation``) and the response curve (``EdgePoints.responses``) are
-corrected. Printed are, for each kind of edge, the median absolute distance towards the bright side, the spread, and the
-most probable share of the response, ``EdgeSettings.by_drift`` and share of edges of other objects.
+The photographs are those of ``photographs.py``, with the same arguments and ``--cache FOLDER``. For every edge of a
+part the mean distance of its edge points from the true edge is printed, towards the bright side: as the points are
+found, and after the shading (``EdgeSettings.extrapolation``) and the response curve (``EdgePoints.responses``) are
+corrected. The most probable share of the response, ``EdgeSettings.by_drift`` and share of other edges follow.
 """
 
 from __future__ import annotations
@@ -12,11 +11,11 @@ from __future__ import annotations
 import sys
 
 import numpy as np
+import photographs
 from campaign import options
 from common import Table
 from scipy.optimize import minimize
 
-import photographs
 from tanteo.geometry import SE3
 from tanteo.vision import find_edges
 from tanteo.vision.edges import map_edges
@@ -48,7 +47,10 @@ def edges_of(kind, image, seed, folder):
             at, off = at[near], off[near]
             noise = EDGES.extrapolated_noise * points.sds[at]
             w = np.minimum(found.spans[0][own][near] / EDGES.correlation, 1) / (noise**2 + EDGES.floor**2)
-            mean = [float(w @ one / w.sum()) for one in (off, points.drifts[at], points.responses[at], points.drifts[at] ** 2)]
+            mean = [
+                float(w @ one / w.sum())
+                for one in (off, points.drifts[at], points.responses[at], points.drifts[at] ** 2)
+            ]
             place = "on the table" if np.median(heights[own]) < 1e-4 else "rim" if rim else "crease"
             rows.append((place, *mean, 1 / w.sum()))
     return rows
@@ -66,6 +68,11 @@ def fitted(off, drift, response, squares, variance):
 
     x = minimize(minus_log, [0.5, -1.0, -1.5], method="Nelder-Mead", options={"maxiter": 2000}).x
     return float(x[0]), float(np.exp(x[1])), float(1 / (1 + np.exp(-x[2])))
+
+
+def spread(off):
+    """Return the median and the robust standard deviation about zero."""
+    return f"{np.median(off):.3f}; {np.median(np.abs(off)) / 0.6745:.3f}"
 
 
 def main():
@@ -86,8 +93,7 @@ def main():
         share, by_drift, other = fitted(*own.T)
         corrected = off - EDGES.extrapolation * drift - share * response
         table.append((
-            place, str(len(own)), *(f"{np.median(one):.3f}; {np.median(np.abs(one)) / 0.6745:.3f}" for one in (off, corrected)),
-            f"{share:.2f}", f"{by_drift:.2f}", f"{other:.2f}",
+            place, str(len(own)), spread(off), spread(corrected), f"{share:.2f}", f"{by_drift:.2f}", f"{other:.2f}",
         ))  # fmt: skip
     head = "edges", "number", "median; spread [px]", "corrected [px]", "response", "by drift", "other objects"
     print(Table("Edges of photographs at the true pose", "", head, table).markdown())

@@ -185,9 +185,9 @@ def _moved(image: FloatArray, i: IntArray, j: IntArray, normals: FloatArray) -> 
 def _responses(level: FloatArray, rise: FloatArray) -> FloatArray:
     """Return the displacement of edges by the response curve of sRGB, from dark to bright ``(n,)`` [px].
 
-    The lens blurs light, and the curve ``g`` of the camera makes grey levels of it. To first order, the largest slope of
-    a step from light ``a`` to ``b`` is displaced by ``log(g'(b) / g'(a)) s^2 / sqrt(2 pi (s^2 + t^2))``, where ``s`` is
-    the blur by the lens and ``1 / t^2 = 1 / s^2 + 1 / smoothing^2``.
+    The lens blurs light, and the curve ``g`` of the camera makes grey levels of it. To first order, the largest slope
+    of a step from light ``a`` to ``b`` is displaced by ``log(g'(b) / g'(a)) s^2 / sqrt(2 pi (s^2 + t^2))``. The blur by
+    the lens is ``s``, and ``1 / t^2 = 1 / s^2 + 1 / smoothing^2``.
 
     Args:
         level: grey level at each edge ``(n,)``.
