@@ -13,13 +13,17 @@ from tanteo.geometry.typing import FloatArray
 
 def chi2_survival(x: float, dof: int) -> float:
     """Probability that chi-square with ``dof`` degrees of freedom, 1 or more, exceeds ``x``: the finite sum for it."""
-    half = 0.5 * max(float(x), 0.0)
-    if half == 0.0 or not math.isfinite(half):
-        return 1.0 if half == 0.0 else (0.0 if half > 0 else math.nan)
-    odd = dof % 2
+    return float(chi2_survivals(np.array([x], dtype=np.float64), dof)[0])
+
+
+def chi2_survivals(x: FloatArray, dof: int) -> FloatArray:
+    """Probability that chi-square with ``dof`` degrees of freedom, 1 or more, exceeds each ``x`` ``(K,)``."""
+    half = np.clip(0.5 * x, 1e-300, 1e300)
     powers, log_gammas = _terms(dof)
-    logs = powers * math.log(half) - half - log_gammas
-    return min(1.0, float(np.sum(np.exp(logs))) + (math.erfc(math.sqrt(half)) if odd else 0.0))
+    out = np.exp(powers * np.log(half)[:, None] - half[:, None] - log_gammas).sum(axis=1)
+    if dof % 2:
+        out += [math.erfc(math.sqrt(one)) for one in half]
+    return np.where(np.isnan(x), np.nan, np.minimum(out, 1.0))
 
 
 @lru_cache(maxsize=64)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.geometry.special import chi2_survival
+from tanteo.geometry.special import chi2_survival, chi2_survivals
 
 _REACH, _STEPS = 4.0, 41
 """Numerical: extent of the sum over the log of the noise scale, in logs of the factor to which it is known, and number
@@ -53,7 +53,7 @@ class Misfit:
             return chi2_survival(self.chi2, self.dof)
         z = np.linspace(-_REACH, _REACH, _STEPS)
         weights = np.exp(-(z**4) / 16)
-        p = [chi2_survival(self.noise * math.exp(-2 * self.log_factor * x) + self.rest, self.dof) for x in z]
+        p = chi2_survivals(self.noise * np.exp(-2 * self.log_factor * z) + self.rest, self.dof)
         return float(weights @ p / weights.sum())
 
     def with_more(self, rest: float, dof: int, noise_dof: float = 0.0) -> Misfit:

@@ -179,16 +179,13 @@ def unstated_moves(points: ContactPoints, one: GoodnessOfFit, errors: Sequence[U
         scale.log_factor,
     )
     gain, counts = -inverse[:6] @ B, [c.shape[1] for c in columns]
-    plain, choices = models.at(np.zeros(len(B.T))), list(product(*(e.sizes.items() for e in errors)))
-    found = [models.at(np.repeat([size for size, _ in sizes], counts)) for sizes in choices]
-    logs = np.array([
-        log + sum(np.log(share) for _, share in sizes) for sizes, (log, *_) in zip(choices, found, strict=True)
-    ])  # fmt: skip
+    choices = list(product(*(e.sizes.items() for e in errors)))
+    sizes = np.array([np.zeros(len(B.T)), *(np.repeat([size for size, _ in one], counts) for one in choices)])
+    logs, squares, means, spreads = models.at(sizes)  # the first is without errors
+    log_p = logs[1:] + [sum(np.log(share) for _, share in one) for one in choices]
+    weights = np.exp(log_p - log_p.max())
     return PoseMoves(
-        np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum(),
-        np.sqrt([square / plain[1] for _, square, _, _ in found]),
-        np.array([gain @ mean for *_, mean, _ in found]),
-        np.array([gain @ spread @ gain.T for *_, spread in found]),
+        weights / weights.sum(), np.sqrt(squares[1:] / squares[0]), means[1:] @ gain.T, gain @ spreads[1:] @ gain.T
     )
 
 
@@ -210,24 +207,27 @@ class _Models:
     dof: float
     log_factor: float
 
-    def at(self, sizes: FloatArray) -> tuple[float, float, FloatArray, FloatArray]:
-        """Return log-evidence, mean squared noise scale, mean and covariance of the states.
+    def at(self, sizes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return log-evidence, mean squared noise scale, mean and covariance of the states by model.
+
+        The shapes are ``(K,)``, ``(K,)``, ``(K, d)`` and ``(K, d, d)``.
 
         Args:
-            sizes: standard deviations of the states over that of the noise ``(d,)``.
+            sizes: standard deviations of the states over that of the noise ``(K, d)``.
         """
-        precision = np.eye(len(sizes)) + sizes[:, None] * self.information * sizes
-        inner = np.linalg.inv(precision)
-        spread, pull = sizes[:, None] * inner * sizes, sizes * self.pull
-        squares = max(self.squares - float(pull @ inner @ pull), 0.0)
+        both = sizes[:, :, None] * sizes[:, None]
+        precision = np.eye(sizes.shape[1]) + both * self.information
+        spread = both * np.linalg.inv(precision)
+        means = spread @ self.pull
+        squares = np.maximum(self.squares - means @ self.pull, 0.0)
         z = np.linspace(-4.0, 4.0, 41)
         s = np.exp(self.log_factor * z)
-        logs = -(z**4) / 16 - self.dof * self.log_factor * z - 0.5 * squares / s**2
-        top = float(logs.max())
-        weights = np.exp(logs - top)
-        square = float(weights @ s**2 / weights.sum())
-        log = top + np.log(weights.sum()) - 0.5 * float(np.linalg.slogdet(precision)[1])
-        return float(log), square, spread @ self.pull, square * spread
+        logs = -(z**4) / 16 - self.dof * self.log_factor * z - 0.5 * squares[:, None] / s**2
+        top = logs.max(axis=1)
+        weights = np.exp(logs - top[:, None])
+        square = weights @ s**2 / weights.sum(axis=1)
+        log = top + np.log(weights.sum(axis=1)) - 0.5 * np.linalg.slogdet(precision)[1]
+        return log, square, means, square[:, None, None] * spread
 
 
 def _positive(A: FloatArray) -> FloatArray:
