@@ -200,6 +200,18 @@ def test_distinct_keeps_the_first_of_what_is_near():
     assert set(who) == {-1, 0, 1, 2}
 
 
+def test_distinct_counts_symmetric_images_as_one():
+    rng, centre = np.random.default_rng(5), np.array([0.01, 0.02, 0.0])
+    turns = np.stack([np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0]), np.diag([1.0, -1.0, -1.0, 1.0])])
+    turns[1:, :3, 3] = rng.normal(size=(2, 3))
+    Ts = np.stack([near_pose(np.eye(4), rng, 0.5, 0.05) for _ in range(3)])
+    both = np.concatenate([Ts, Ts @ np.linalg.inv(turns[1]), Ts @ np.linalg.inv(turns[2])])
+    information = np.tile(np.diag([1e4] * 3 + [1e3] * 3), (9, 1, 1))
+    kept, who = _core.distinct(both, information, 4.0, 1000, centre, turns)
+    assert (list(kept), list(who)) == ([0, 1, 2], [0, 1, 2] * 3)
+    assert len(_core.distinct(both, information, 4.0, 1000, centre)[0]) == 9
+
+
 def test_a_question_without_readings_is_the_prior():
     q = replace(
         point_question(np.zeros((0, 3)), 1.0),

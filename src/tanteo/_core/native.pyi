@@ -175,6 +175,7 @@ def distinct(
     limit: float,
     most: int,
     centre: FloatArray,
+    symmetries: FloatArray | None = None,
 ) -> tuple[Indices, Indices]: ...
 def coarse(
     field: NDArray[np.int8],

@@ -182,11 +182,12 @@ class PartSearch:
         limit = {} if leader is None or leader.objective.prepared is objective.prepared else {
             "known": leader.objective.refined_cost(leader.Ts, objective)
         }  # fmt: skip
-        Ts, sources = objective.refine(np.ascontiguousarray(found.Ts[~refined]), found.sources[~refined], keep, **limit)
+        Ts, sources = objective.refine(found.Ts[~refined], found.sources[~refined], keep, **limit)
         rest = objective.maximize(Ts, groups=sources)
         Ts, sources = objective.without_hopeless(found.Ts[refined], found.sources[refined], **limit)
         near = objective.maximize(Ts, groups=sources, fine=True)
-        self.peaks = objective.merged(self.peaks, rest.join(near), self.settings.maximized)
+        if len(rest) or len(near):
+            self.peaks = objective.merged(self.peaks, rest.join(near), self.settings.maximized)
 
     def has_tried(self, other: Objective, best: Peaks, *, counted: bool) -> bool:
         """Return whether the best maximum of a part was tried on this part before; if not, note it.

@@ -504,23 +504,35 @@ std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Doubles bends, Ints owne
     return {list_of(std::move(logs)), array_of(std::move(shares), {all.size(), m})};
 }
 
+// Whether two poses are within a squared distance by an information about a centre.
+bool are_near(const Pose& one, const Pose& other, const double* information, double limit, const Vec3& centre) {
+    Vec3 v, w;
+    difference(one, other, centre, v, w);
+    if (squared(w) > 1) return false;
+    const double x[6] = {v.x, v.y, v.z, w.x, w.y, w.z};
+    double q = 0;
+    for (int a = 0; a < 6; ++a)
+        for (int b = 0; b < 6; ++b) q += information[6 * a + b] * x[a] * x[b];
+    return q < limit;
+}
+
 // Indices of the poses, in the given order, that are farther than a limit from all earlier kept ones, in squared standard
 // deviations by the information of the kept one; and for every pose the kept one that it equals, or -1 once `most` are kept.
-std::tuple<OutInts, OutInts> distinct(Doubles Ts, Doubles informations, double limit, int most, Doubles centre) {
-    const std::vector<Pose> all = poses(Ts);
+// With the symmetries of a part, a pose equals a kept one also if one of its symmetric images does.
+std::tuple<OutInts, OutInts> distinct(Doubles Ts, Doubles informations, double limit, int most, Doubles centre,
+                                      const std::optional<Doubles>& symmetries) {
+    const std::vector<Pose> all = poses(Ts), turns = symmetries ? poses(*symmetries, "symmetries") : std::vector<Pose>(1);
     expect(informations, "informations", {all.size(), 6, 6});
     const Vec3 c = vector(centre, "centre");
     std::vector<int32_t> kept, who(all.size(), -1);
     for (size_t k = 0; k < all.size(); ++k) {
+        std::vector<Pose> images;
+        for (const Pose& turn : turns) images.push_back({all[k].R * turn.R, all[k].R * turn.t + all[k].t});
         for (size_t l = 0; l < kept.size() && who[k] < 0; ++l) {
-            Vec3 v, w;
-            difference(all[kept[l]], all[k], c, v, w);
-            if (squared(w) > 1) continue;
-            const double x[6] = {v.x, v.y, v.z, w.x, w.y, w.z}, *I = informations.data() + 36 * kept[l];
-            double q = 0;
-            for (int a = 0; a < 6; ++a)
-                for (int b = 0; b < 6; ++b) q += I[6 * a + b] * x[a] * x[b];
-            if (q < limit) who[k] = static_cast<int32_t>(l);
+            const auto near = [&](const Pose& image) {
+                return are_near(all[kept[l]], image, informations.data() + 36 * kept[l], limit, c);
+            };
+            if (std::any_of(images.begin(), images.end(), near)) who[k] = static_cast<int32_t>(l);
         }
         if (who[k] >= 0 || static_cast<int>(kept.size()) >= most) continue;
         who[k] = static_cast<int32_t>(kept.size());
@@ -634,7 +646,7 @@ NB_MODULE(native, m) {
     m.def("offsets", &offsets, "base"_a, "poses"_a, "centre"_a);
     m.def("mixture", &mixture, "poses"_a, "bases"_a, "bends"_a, "owners"_a, "means"_a, "inverses"_a, "log_weights"_a, "freedom"_a,
           "centre"_a);
-    m.def("distinct", &distinct, "poses"_a, "informations"_a, "limit"_a, "most"_a, "centre"_a);
+    m.def("distinct", &distinct, "poses"_a, "informations"_a, "limit"_a, "most"_a, "centre"_a, "symmetries"_a = nb::none());
     m.def("closest_points", &closest_points, "shape"_a, "points"_a);
     m.def("group_information", &group_information, "weights"_a, "means"_a, "variances"_a, "groups"_a);
     m.def("first_hits", &first_hits, "shape"_a, "origins"_a, "directions"_a);

@@ -341,18 +341,19 @@ class Objective:
         return np.asarray(full[..., :6, :6] - cross @ np.linalg.solve(full[..., 6:, 6:], np.swapaxes(cross, -1, -2)))
 
     def distinct(self, peaks: Peaks, count: int = 10**6) -> Peaks:
-        """Return the best ``count`` distinct maxima, best first; equal maxima unite their sources."""
-        if not len(peaks):
+        """Return the best ``count`` distinct maxima, best first; equal and symmetric maxima unite their sources."""
+        if not len(peaks) or (len(peaks) == 1 and not self.named):
             return peaks
         order = np.argsort(-peaks.evidence, kind="stable")
         order = order[peaks.evidence[order] >= peaks.evidence[order[0]] - self.problem.settings.search.drop_gap]
         peaks = peaks.take(order)
         peaks = self._folded(peaks)
         information = np.ascontiguousarray(self.of_pose(peaks.information))
-        kept, who = _core.distinct(peaks.Ts, information, self.same, count, self.prepared.shape.centre)
+        symmetry, centre = self.prepared.part.symmetry, self.prepared.shape.centre
+        turns = np.ascontiguousarray(symmetry.Ts) if symmetry.order > 1 else None
+        kept, who = _core.distinct(peaks.Ts, information, self.same, count, centre, turns)
         groups = _united(peaks.groups, who.astype(np.int64), len(kept))
-        peaks = replace(peaks.take(kept.astype(np.int64)), groups=groups)
-        return self._without_images(peaks)
+        return replace(peaks.take(kept.astype(np.int64)), groups=groups)
 
     def _folded(self, peaks: Peaks) -> Peaks:
         """Return poses as the symmetric images nearest to the prior pose; without one, to the first pose."""
@@ -375,24 +376,6 @@ class Objective:
         images = Ts[:, None] @ turns
         nearest = known.squared_distances(images.reshape(-1, 4, 4)).reshape(len(Ts), -1).argmin(axis=1)
         return np.ascontiguousarray(images[np.arange(len(Ts)), nearest])
-
-    def _without_images(self, peaks: Peaks) -> Peaks:
-        """Return maxima without those of which a symmetric image is near a better one."""
-        turns = self.prepared.part.symmetry.Ts[1:]
-        if not len(turns) or len(peaks) < 2:
-            return peaks
-        images = np.ascontiguousarray((peaks.Ts[:, None] @ turns).reshape(-1, 4, 4))
-        information, alone = self.of_pose(peaks.information), np.ones(len(peaks), dtype=bool)
-        groups = np.array(peaks.groups)
-        for k in range(len(peaks) - 1):
-            if not alone[k]:
-                continue
-            x = _core.offsets(peaks.Ts[k], images[(k + 1) * len(turns) :], self.prepared.shape.centre)
-            same = (np.sum((x @ information[k]) * x, axis=1).reshape(-1, len(turns)) < self.same).any(axis=1)
-            rows = k + 1 + np.flatnonzero(same & alone[k + 1 :])
-            groups[k] |= np.bitwise_or.reduce(groups[rows], initial=0)
-            alone[rows] = False
-        return replace(peaks, groups=groups).take(np.flatnonzero(alone))
 
     def unlike(self, new: Peaks, known: Peaks) -> Peaks:
         """Return the maxima of ``new`` that differ from all of ``known``."""
