@@ -472,6 +472,8 @@ def test_system_variables_of_a_skip_signal_are_positions(tmp_path):
         ("P = [", "  {1} {2} {3};"),
         ("points = [", "    ({1}, {2}, {3}),"),
         ("", "P{} = POINT / {1},{2},{3}"),
+        ("", "171234560{}.123 {1} {2} {3}"),
+        ("", "{1}D+00 {2}D+00 {3}D+00"),
     ],
 )
 def test_positions_of_other_programs_are_read(tmp_path, header, row):
@@ -497,6 +499,7 @@ def test_lists_of_points_on_one_line_are_read(tmp_path):
         ("x,y,z", '"{1}""","{2}""","{3}"""'),
         ("", 'X {1}" Y {2}" Z {3}"'),
         ("", "Point {}: X {1} Y {2} Z {3} in"),
+        ("", "{1}in {2}in {3}in"),
     ],
 )
 def test_marks_of_inches_state_the_unit(tmp_path, header, row):
@@ -504,3 +507,10 @@ def test_marks_of_inches_state_the_unit(tmp_path, header, row):
     np.testing.assert_allclose(readings.points.values / 0.0254, PLACES, atol=1e-9)
     with pytest.raises(UnitError, match="units"):
         read_readings(save(tmp_path, table("", "X {1} Y {2} Z {3} in place").lstrip()))
+
+
+@pytest.mark.parametrize("header", ["x_mm,y_mm,z_mm", ""])
+def test_a_typographic_minus_is_one(tmp_path, header):
+    rows = table(header, "{1},{2},\N{MINUS SIGN}{3}").lstrip()
+    readings = read_readings(save(tmp_path, rows), unit=None if header else "mm")
+    np.testing.assert_allclose(1e3 * readings.points.values, np.array(PLACES) * [1, 1, -1], atol=1e-9)

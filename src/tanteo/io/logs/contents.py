@@ -85,7 +85,7 @@ class Contents:
         """Start of the file as text; empty for a binary file."""
         start = self.data[:HEAD]
         encoding = encoding_of(start, whole=len(start) == len(self.data))
-        return "" if encoding is None else start.decode(encoding, errors="replace").lstrip("\ufeff")
+        return "" if encoding is None else start.decode(encoding, errors="replace").lstrip("\ufeff").replace("−", "-")
 
     @cached_property
     def text(self) -> str:
@@ -96,7 +96,7 @@ class Contents:
         """
         if self.encoding is None:
             self.fail("text", "a binary file", "Export it as text, or name its format with --format.")
-        return self.data.decode(self.encoding, errors="replace").lstrip("\ufeff")
+        return self.data.decode(self.encoding, errors="replace").lstrip("\ufeff").replace("−", "-")
 
     @cached_property
     def lines(self) -> list[str]:

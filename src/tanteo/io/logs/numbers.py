@@ -8,12 +8,13 @@ to an ASCII file") or with the number of the line, and end with other words, whi
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tanteo.geometry.typing import FloatArray
 from tanteo.io.logs.contents import Contents, is_whole
+from tanteo.io.logs.value_words import LENGTH_UNITS, plain
 
 _NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 _COMMA_NUMBER = re.compile(r"[-+]?\d+(?:,\d+)?", re.ASCII)
@@ -41,12 +42,14 @@ class NumberRows:
         names: column names from a comment above the rows; empty if there is none.
         labels: names of the rows, from words or numbers at their start; None if there are none.
         others: number of words after the numbers of a row.
+        unit: unit behind each number; None if there is none.
     """
 
     values: FloatArray
     names: tuple[str, ...]
     labels: tuple[str, ...] | None = None
     others: int = 0
+    unit: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +78,27 @@ _LIST = "[](){},; \t"
 """Characters around the rows of a list."""
 
 
-def _rows(line: str) -> list[str]:
+_WITH_UNIT = re.compile(r"(?<=[\d.])(mm|um|in|m|[\"″])(?=[\s,;]|$)")
+"""Unit behind a number, as in curve files of SolidWorks: ``25.4mm 0mm 3mm``."""
+_FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")
+_TIMES = 1e8
+"""Definition: number above which a first column has times of a computer [s]: no unit makes it a place within 100 m."""
+
+
+def _unit_of(lines: list[str]) -> str | None:
+    """Return the unit behind the numbers of the first row; None if there is none."""
+    first = next((line for line in lines if line.strip() and not _is_comment(line.strip())), "")
+    units = _WITH_UNIT.findall(first)
+    return LENGTH_UNITS[plain(units[0])] if len(units) >= _LEAST and len(set(units)) == 1 else None
+
+
+def _rows(line: str, unit: str | None = None) -> list[str]:
     """Return the rows of a line: of lists in programs (``P = [1 2 3; 4 5 6]``, ``[(1, 2, 3), (4, 5, 6)]``) several."""
     line = line.strip()
+    if unit is not None:
+        line = _WITH_UNIT.sub(lambda match: "" if LENGTH_UNITS[plain(match[1])] == unit else match[0], line)
+    if "D" in line or "d" in line:
+        line = _FORTRAN.sub("e", line)
     if "=" in line:
         line = _VDA.sub(r"\1 ", _ASSIGNED.sub("", line, count=1), count=1)
     if line[:1] not in set("[({])}"):
@@ -100,7 +121,8 @@ def first_rows(contents: Contents) -> NumberRows | None:
     Args:
         contents: file to read.
     """
-    lines = [row for line in contents.head.splitlines()[: _ENOUGH + 20] for row in _rows(line)]
+    unit = _unit_of(contents.head.splitlines()[: _ENOUGH + 20])
+    lines = [row for line in contents.head.splitlines()[: _ENOUGH + 20] for row in _rows(line, unit)]
     if len(contents.data) > len(contents.head.encode()):
         lines = lines[:-1] or lines
     kept = [line for line in lines if line and not _is_comment(line)]
@@ -123,7 +145,8 @@ def all_rows(contents: Contents, what: str) -> NumberRows:
         ReadingsError: a line is not numeric or has another number of columns, or the file ends within a number; the
             message names the line.
     """
-    bare = ((k, row) for k, line in enumerate(contents.lines, start=1) for row in _rows(line))
+    unit = _unit_of(contents.lines[:_ENOUGH])
+    bare = ((k, row) for k, line in enumerate(contents.lines, start=1) for row in _rows(line, unit))
     kept = [(k, line) for k, line in bare if line and not _is_comment(line)]
     if kept and is_whole(kept[0][1]):
         kept = kept[1:]
@@ -138,12 +161,12 @@ def all_rows(contents: Contents, what: str) -> NumberRows:
             contents.check_last(
                 [re.split(r"[\s,;]+", line.strip(" \t,;"))[-1] for _, line in kept[-_ENOUGH:]], kept[-1][0]
             )
-            return _as_rows(values, contents.lines, first)
+            return replace(_as_rows(values, contents.lines, first), unit=unit)
     rows = [_row(line) or _Row("", re.split(r"[\s,;]+", line.strip(" \t,;")), 0) for _, line in kept]
     values = contents.numbers([row.numbers for row in rows], [k for k, _ in kept], what)
     if not any(row.others for row in rows):
         contents.check_last([row.numbers[-1] for row in rows[-_ENOUGH:]], kept[-1][0])
-    return _as_rows(values, contents.lines, rows)
+    return replace(_as_rows(values, contents.lines, rows), unit=unit)
 
 
 def _row(line: str) -> _Row | None:
@@ -178,6 +201,8 @@ def _as_rows(values: FloatArray, lines: list[str], rows: list[_Row]) -> NumberRo
     first = values[:, 0]
     counted = values.shape[1] > _LEAST and len(values) >= _LEAST and not names and first[0] in (0, 1)
     counted &= bool(np.all(np.diff(first) == 1)) and all(is_whole(row.numbers[0]) for row in rows)
+    if values.shape[1] > _LEAST and len(first) and first.min() > _TIMES:
+        return NumberRows(values[:, 1:], names[1:], labels, max((row.others for row in rows), default=0))
     if counted and not all(is_whole(word.lstrip("+-")) for row in rows for word in row.numbers[1:4]):
         numbers = (f"{value:.0f}" for value in first)
         labels = tuple(f"{label} {n}" for label, n in zip(labels, numbers, strict=True)) if labels else tuple(numbers)

@@ -46,7 +46,7 @@ def read_vectors(contents: Contents) -> Log:
     if not are_unit(values[:, 3:]):
         k = int(np.argmax(np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1)))
         contents.fail("I J K of length one in each row", f"{values[k, 3:]} in row {k + 1}", "Correct it.")
-    return Log(points=values[:, :3], outward=values[:, 3:], ids=_ids(rows), notes=_notes(rows, 6))
+    return Log(points=values[:, :3], unit=rows.unit, outward=values[:, 3:], ids=_ids(rows), notes=_notes(rows, 6))
 
 
 def recognise_points(contents: Contents) -> bool:
@@ -77,7 +77,11 @@ def read_points(contents: Contents) -> Log:
     _refuse_pairs(contents, rows)
     normals = rows.values[:, columns] if columns else None
     return Log(
-        points=rows.values[:, :3], normals=normals, ids=_ids(rows), notes=_notes(rows, 3 + len(columns), columns)
+        points=rows.values[:, :3],
+        unit=rows.unit,
+        normals=normals,
+        ids=_ids(rows),
+        notes=_notes(rows, 3 + len(columns), columns),
     )
 
 

@@ -195,7 +195,7 @@ class Table:
     def _floats_with_gaps(self, column: Column, cells: Sequence[str]) -> FloatArray:
         values = np.full(len(cells), np.nan)
         for k, cell in enumerate(cells):
-            if not (bare := cell.strip()):
+            if not (bare := cell.strip().replace("−", "-")):
                 continue
             match = _WITH_UNIT.fullmatch(bare) if column.base in LENGTHS else None
             bare = match[1] if match and _METRES[match[2]] == column.factor else bare
