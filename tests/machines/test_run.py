@@ -217,6 +217,14 @@ def test_a_log_answers_as_the_machine_did(block, undisturbed, tmp_path):
     assert np.allclose(pose(again), undisturbed, atol=1e-7)
 
 
+@pytest.mark.parametrize("text", ["[PRB:1.0,2.0,3.0:1]\n[PRB:4.0,2.0,3.0:1]\n", "x_mm,y_mm,z_mm\n1,2,3\n4,5,6\n"])
+def test_a_log_without_directions_leads_to_next(tmp_path, text):
+    log = tmp_path / "console.log"
+    log.write_text(text)
+    with pytest.raises(InputError, match="tanteo next names"), opened(parse_machine(f"replay:{log}")):
+        pass
+
+
 def test_a_log_answers_every_request(block, tmp_path):
     """The touches of one session answer another session with other plans: the same part, placed equally well."""
     record, one = tmp_path / "run.json", session(block, most=WHOLE)

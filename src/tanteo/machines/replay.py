@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from tanteo import io
-from tanteo.errors import InputError
+from tanteo.errors import InputError, ReadingsError
 from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.machines.protocol import Facts, MachineStatus, RefusedError, Sensed, StoppedError
 from tanteo.sensors import Readings
 
 _AHEAD, _BEFORE = 0.5, 0.02
 """Smallest cosine of the angle between recorded and requested directions, and default length of a touch [m]."""
+_INSTEAD = "Replay a record (tanteo probe --record); tanteo next names the next touch after any log."
 
 
 class ReplayMachine:
@@ -31,7 +32,7 @@ class ReplayMachine:
     def __init__(self, readings: Readings, name: str) -> None:
         known = readings.directions.given & readings.points.given
         if not known.any():
-            raise InputError(f"{name}: expected touches with directions, got none. State --direction.")
+            raise InputError(f"{name}: expected touches with directions, got none. {_INSTEAD}")
         self._readings = readings.take(np.flatnonzero(known))
         self.left = list(range(len(self._readings)))
         self._ranges = self._readings.ranges.filled(_BEFORE)
@@ -47,9 +48,17 @@ class ReplayMachine:
             path: file of the record or the readings.
 
         Raises:
-            InputError: the file is neither, or has no readings.
+            InputError: the file is neither, or lacks what a session needs.
         """
-        return cls(io.read_readings(path), str(path))
+        try:
+            return cls(io.read_readings(path), str(path))
+        except ReadingsError as error:
+            if "expected --" not in str(error):
+                raise
+            raise InputError(
+                f"{path}: expected the record of a session, or a table that states direction and radius of each touch, "
+                f"got a log without. {_INSTEAD}"
+            ) from None
 
     def status(self) -> MachineStatus:
         """Return the current status, whose age is always zero."""
