@@ -33,3 +33,19 @@ def test_heights_over_a_table_are_the_surface_s(models):
     middle = SE3.apply(T, part.centroid)
     found = heights(model.surface, T, np.array([middle[:2], middle[:2] + 1.0]))
     assert found == pytest.approx([part.box[1, 2] + 0.01, 0.0])
+
+
+def test_rare_edges_near_one_another_are_a_region():
+    """A texture may interrupt the outline of an object, so that no edges enclose it."""
+    rng = np.random.default_rng(4)
+    image = 100 + rng.normal(0, 2, (240, 320))
+    for x in range(80, 240, 30):  # dashes of 20 px, gaps of 10 px
+        for y in (60, 160):
+            image[y : y + 2, x : x + 20] += 60
+    for y in range(60, 160, 30):
+        for x in (80, 240):
+            image[y : y + 20, x : x + 2] += 60
+    (region,) = find_regions(image, find_edges(image))
+    outline = np.zeros(image.shape, dtype=bool)
+    outline[60:162, 80:242] = True
+    assert (region.mask & outline).sum() > 0.9 * outline.sum()

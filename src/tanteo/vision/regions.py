@@ -17,7 +17,7 @@ from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Surface
 from tanteo.vision.camera import Camera, opencv, project
 from tanteo.vision.edges import EdgePoints, chance_hits, check_image, image_noise
-from tanteo.vision.settings import EDGES, EVIDENCE, SEARCH
+from tanteo.vision.settings import EDGES, EVIDENCE, SEARCH, SPACING
 
 _REJECTED = 3.0
 """Numerical: residual from which the robust fit of the table rejects a pixel, in standard deviations."""
@@ -74,8 +74,8 @@ def table_brightness(image: FloatArray) -> FloatArray:
 def find_regions(image: FloatArray, edges: EdgePoints, chance: FloatArray | None = None) -> tuple[Region, ...]:
     """Find the regions of objects on the table, largest first.
 
-    A region differs from the table by more than noise and texture, or edges that are rare on the table enclose it.
-    Regions only propose where parts may be.
+    A region differs from the table by more than noise and texture, or edges that are rare on the table enclose it, or
+    it is the convex hull of such edges near one another. Regions only propose where parts may be.
 
     Args:
         image: grey levels ``(rows, columns)``.
@@ -88,8 +88,8 @@ def find_regions(image: FloatArray, edges: EdgePoints, chance: FloatArray | None
     texture = 1.4826 * float(np.median(np.abs(off)))
     least = max(EDGES.strong * image_noise(image) * 0.3, 2 * EDGES.least_step, _REJECTED * texture)
     differs = cv2.morphologyEx((np.abs(off) > least).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    rare = edges.pixels[(chance_hits(edges) if chance is None else chance) < EVIDENCE.rare]
-    x, y = np.rint(rare).astype(np.int64).T
+    chance = chance_hits(edges) if chance is None else chance
+    x, y = np.rint(edges.pixels[chance < EVIDENCE.rare]).astype(np.int64).T
     differs[y.clip(0, image.shape[0] - 1), x.clip(0, image.shape[1] - 1)] = 1
     differs = cv2.morphologyEx(differs, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     outlines, _ = cv2.findContours(differs, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -98,10 +98,38 @@ def find_regions(image: FloatArray, edges: EdgePoints, chance: FloatArray | None
     cv2.drawContours(filled, [one for one in outlines if cv2.contourArea(one) > 0], -1, 1, thickness=cv2.FILLED)
     thick = cv2.morphologyEx(filled, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
     outlines, _ = cv2.findContours(thick, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    regions = [
-        _region(image.shape, outline, edges) for outline in outlines if cv2.contourArea(outline) > EVIDENCE.stretch**2
-    ]
+    large = [outline for outline in outlines if cv2.contourArea(outline) > EVIDENCE.stretch**2]
+    regions = [_region(image.shape, outline, edges) for outline in large]
+    regions += [_region(image.shape, outline, edges) for outline in _gathered(regions, edges, chance)]
     return tuple(sorted(regions, key=lambda region: -int(region.mask.sum())))
+
+
+def _gathered(regions: Sequence[Region], edges: EdgePoints, chance: FloatArray) -> list[FloatArray]:
+    """Return the convex hulls of rare edges near one another that have more evidence than any region, as outlines.
+
+    Where a texture interrupts the outline of an object, no edges enclose it. Texture itself makes many groups of fewer
+    rare edges.
+
+    Args:
+        regions: regions that edges enclose, or that differ from the table.
+        edges: edge points of the image.
+        chance: probability of a random edge like each edge point ``(n,)``.
+    """
+    cv2 = opencv()
+    shape = edges.shape
+    # nats of the edges, an observation for each stretch
+    nats = -np.log(chance) * SPACING / EVIDENCE.stretch
+    own = [edges.inside(dilated(region.mask)) for region in regions]
+    least = max([EVIDENCE.least_object, *(float(nats[one].sum()) for one in own)])
+    free = np.flatnonzero((chance < EVIDENCE.rare) & ~np.any([np.zeros(len(edges), dtype=np.bool_), *own], axis=0))
+    x, y = np.minimum(np.rint(edges.pixels[free]).astype(np.int64), np.array(shape[::-1]) - 1).T
+    mask = np.zeros(shape, dtype=np.bool_)
+    mask[y, x] = True
+    count, labels = cv2.connectedComponents(dilated(mask, EVIDENCE.shortest).astype(np.uint8))
+    group = labels[y, x]
+    strong = np.flatnonzero(np.bincount(group, nats[free], count) > least)
+    outlines = [cv2.convexHull(np.stack([x, y], axis=-1)[group == k].astype(np.int32)) for k in strong]
+    return [one for one in outlines if cv2.contourArea(one) > EVIDENCE.stretch**2]
 
 
 def _region(shape: tuple[int, ...], outline: FloatArray, edges: EdgePoints) -> Region:
