@@ -9,6 +9,7 @@ from tanteo.factors import surface_points
 from tanteo.geometry import SO3
 from tanteo.posterior.joint_surface_model import log_level, log_right_angled
 from tanteo.posterior.labels import Facets, groups_of, label_evidence
+from tanteo.posterior.touched_region import touched_region
 
 RADIUS, SD = 0.1, 5e-3
 
@@ -17,8 +18,14 @@ def labelled(points, sd=SD, kind="plane", **more):
     return surface_points(points, sd, labels=("a",) * len(points), kind=kind, **more)
 
 
+def evidence(points):
+    groups = groups_of(points)
+    region = touched_region(points, groups, np.arange(len(points)))
+    return label_evidence(points, groups, RADIUS, region.groups)
+
+
 def odds(points):
-    found = label_evidence(points, groups_of(points), RADIUS)
+    found = evidence(points)
     return found.log_odds[0], found.facets
 
 
@@ -42,6 +49,35 @@ def test_points_of_a_plane_are_as_dense_as_the_mean_over_planes(tilted):
     mean, error = np.exp(log).mean(), np.exp(log).std() / np.sqrt(len(log))
     assert error < 0.1 * mean
     assert np.exp(got) == pytest.approx(0.5 * mean + 0.5, rel=0.15 + 4 * error / mean)
+
+
+def designs_without_surface(points, kind, normals):
+    """Return the two log densities of places alone: beams along the normal have the same density of the surface, but
+    for its side, which they know."""
+    given = labelled(points, sd=1e-4, kind=kind), labelled(points, sd=1e-4, kind=kind, directions=-normals)
+    bare, beams = (np.log(2 * np.exp(evidence(one).log_designs[:, 0]) - 1) for one in given)  # half are outliers
+    return bare - beams - np.log(2)
+
+
+@pytest.mark.parametrize("n", [3, 5])
+def test_places_on_a_face_are_as_dense_as_over_rectangles(n):
+    """The two densities of places: the mean over random rectangles, and even over the patch of the points."""
+    rng = np.random.default_rng(n)
+    flat = np.column_stack([rng.uniform(-0.03, 0.03, n), rng.uniform(-0.015, 0.015, n)])
+    p = np.column_stack([flat, 1e-4 * rng.normal(size=n)])
+    got = designs_without_surface(p, "plane", np.tile([0.0, 0, 1], (n, 1)))
+    sides, middles = rng.uniform(0, 2 * RADIUS, (2, 400_000, 2))
+    middles, angles = 2 * (middles - RADIUS), rng.uniform(0, np.pi, len(sides))
+    axis = np.column_stack([np.cos(angles), np.sin(angles)])
+    off = flat[:, None] - middles
+    along = np.abs(np.stack([np.sum(off * axis, axis=2), off[..., 1] * axis[:, 0] - off[..., 0] * axis[:, 1]], axis=2))
+    inside = np.all(along < sides / 2, axis=(0, 2))
+    section, per_face = 2 / 3 * np.pi * RADIUS**2, inside / np.prod(sides, axis=1) ** n
+    mean, error = per_face.mean(), per_face.std() / np.sqrt(len(sides))
+    expected = (n - 1) * np.log(section) + np.log((4 * RADIUS) ** 2 * mean)
+    assert got[0] == pytest.approx(expected, abs=4 * error / mean)
+    patch = touched_region(labelled(p, sd=1e-4), np.zeros(n, dtype=int), np.arange(n)).area
+    assert got[1] == pytest.approx((n - 1) * np.log(section / patch), abs=1e-3)  # beams are not quite perpendicular
 
 
 def test_points_in_no_plane_are_outliers():

@@ -14,13 +14,17 @@ import numpy as np
 from tanteo.factors import ContactPoints
 from tanteo.geometry.special import log_even, log_sum
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Vectors
+from tanteo.posterior.touched_region import LARGER
 
 _COUNT = 6
 """Number of points of a label that count (decision 62). A made face deviates equally for all of them, so more points
 carry no more information on whether the face is the part's."""
 
-_SIZES = 6
-"""Number of equally probable sizes of faces and edges, each half of the previous one."""
+_SMALLEST = 1 / 32
+"""Shortest side of a face, and shortest edge, over the diameter of the object; sides are log-uniform above it."""
+
+_ANGLES = 16
+"""Numerical: number of angles of the sides of a face over a quarter of a turn."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,12 +52,18 @@ class LabelEvidence:
     """Densities of measurements on an unknown object, over those of independent outliers.
 
     Attributes:
-        log_odds: log density of the points of each label on a surface of their own, over that of outliers ``(G,)``.
+        log_designs: log density of the points of each label on a surface of their own, over that of outliers, if their
+            places are even over it, and if they are even over a patch of it that was chosen ``(2, G)``.
         facets: surfaces that the measurements show.
     """
 
-    log_odds: FloatArray
+    log_designs: FloatArray
     facets: Facets
+
+    @property
+    def log_odds(self) -> FloatArray:
+        """Return the log densities of the labels, each with the mean over the two designs ``(G,)``."""
+        return np.asarray(log_sum(self.log_designs, axis=0) - np.log(2))
 
 
 def groups_of(points: ContactPoints) -> IntArray:
@@ -68,45 +78,45 @@ def groups_of(points: ContactPoints) -> IntArray:
     return np.array([number.get(key, -1) for key in keys], dtype=np.int32)
 
 
-def label_evidence(points: ContactPoints, groups: IntArray, radius: float) -> LabelEvidence:
+def label_evidence(points: ContactPoints, groups: IntArray, radius: float, patches: FloatArray) -> LabelEvidence:
     """Return the densities of labelled points on an unknown object.
 
     Args:
         points: the measurements.
         groups: labels as :func:`groups_of` numbers them.
         radius: radius of the ball that contains the object [m].
+        patches: area or length of the patch that the points of each label cover ``(G,)`` [m^2 or m].
     """
     alone = np.flatnonzero(points.oriented & (groups < 0) & ~points.centres)
     n, sd = points.normals[alone], points.normal_sds[alone]
     at = points.points[alone] - points.radii[alone, None] * n
     variances = np.einsum("ni,nij,nj->n", n, points.covs[alone], n)
     rows = list(zip(n, sd[:, None, None] ** 2 * np.eye(3), at, variances, strict=True))
-    log_odds = np.zeros(groups.max(initial=-1) + 1)
-    for g in range(len(log_odds)):
+    log_designs = np.zeros((2, len(patches)))
+    for g, patch in enumerate(patches):
         own = points.take(np.flatnonzero(groups == g))
         free = 3 - own.factors[0].codimension
         if own.factors[0].round_face:  # a wall may bend in any way
             continue
         if len(own) <= free:  # two points fix the direction of an edge, but no face
             continue
-        log, facet = _shared(own, radius)
-        if len(own) > 2 or not free:
-            log_odds[g] = log_even(log * min(1.0, _COUNT / len(own)))
-        if facet is not None and log > 0:
+        log, facet = _shared(own, radius, float(patch))
+        log_designs[:, g] = log_even(log * min(1.0, _COUNT / len(own)))
+        if facet is not None and log.max() > 0:
             rows.append(facet)
     columns = (
         zip(*rows, strict=True) if rows else (np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros(0))
     )
-    return LabelEvidence(log_odds, Facets(*(np.array(column) for column in columns)))
+    return LabelEvidence(log_designs, Facets(*(np.array(column) for column in columns)))
 
 
 _Row: TypeAlias = tuple[Vectors, Covariances, Vectors, FloatArray]
 
 
-def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
-    """Return the log density of points on one unknown plane, line or point over that of outliers, and its estimate.
+def _shared(points: ContactPoints, radius: float, patch: float) -> tuple[FloatArray, _Row | None]:
+    """Return the log densities of points on one unknown plane, line or point over that of outliers, and its estimate.
 
-    The integral over plane, line or point is Laplace's approximation about the least squares fit.
+    There is one for each design of the places ``(2,)``. The integral over plane, line or point is Laplace's approximation about the least squares fit.
     """
     middle = points.points.mean(axis=0)
     axes = np.linalg.svd((points.points - middle).T @ (points.points - middle))[2]
@@ -122,9 +132,11 @@ def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
     J = np.concatenate(
         [np.broadcast_to(np.eye(m), (len(points), m, m)), *levers, -across @ points.shared_jacobian], axis=2
     )
-    log, best, C = _integral(points, across @ points.covs @ across.T, J, off, radius)
-    if not points.directed.any():
-        log += _log_together(float(np.linalg.norm(lever, axis=1).max(initial=0.0)), len(points), free, radius)
+    surface, best, C = _integral(points, across @ points.covs @ across.T, J, off, radius)
+    log = np.full(2, surface)
+    if not points.directed.any() and free:
+        anywhere = {1: 4 / 3 * radius, 2: 2 / 3 * np.pi * radius**2}[free]
+        log += [_log_together(lever, radius, anywhere), (len(points) - 1) * np.log(anywhere / patch)]
     if free == 1:
         direction = along[0] + best[2:4] @ across
         direction /= np.linalg.norm(direction)
@@ -165,20 +177,39 @@ def _integral(
     return float(log), best, np.linalg.inv(H)
 
 
-def _log_together(reach: float, n: int, free: int, radius: float) -> float:
-    """Return the log density of points on a face or edge of any possible size, over that anywhere.
+def _log_together(places: FloatArray, radius: float, anywhere: float) -> float:
+    """Return the log density of points on a rectangular face or an edge of any possible size, over that anywhere.
+
+    The rectangle has any place and angle. Its sides are independent, and even up to the diameter of the object: larger
+    faces are touched more often. The points are even on it.
 
     Args:
-        reach: largest distance of the points from their middle [m].
-        n: number of points.
-        free: two for a face, one for an edge, none for a corner.
+        places: places of the points in the plane, or along the edge ``(n, free)`` [m].
         radius: radius of the object [m].
+        anywhere: mean area or length of sections of the object [m^2 or m].
     """
-    sizes = radius * 0.5 ** np.arange(_SIZES)
-    possible = sizes[sizes >= min(reach, radius)]
-    anywhere, own = {
-        0: (1.0, 1.0 + 0 * possible),
-        1: (4 / 3 * radius, 2 * possible),
-        2: (2 / 3 * np.pi * radius**2, np.pi * possible**2),
-    }[free]
-    return float(log_sum((n - 1) * np.log(anywhere / own)) - np.log(_SIZES))
+    n, free = places.shape
+    angles = np.arange(_ANGLES) * np.pi / (2 * _ANGLES) if free == 2 else np.zeros(1)
+    axes = np.stack([np.cos(angles), np.sin(angles), -np.sin(angles), np.cos(angles)], axis=1).reshape(-1, 2, 2)
+    along = places @ axes[:, :free, :free]  # (angles, n, free)
+    log = _log_interval(along.max(axis=1) - along.min(axis=1), n, 2 * radius).sum(axis=1)
+    return float((n - 1) * np.log(anywhere) + log_sum(log) - np.log(len(log)))
+
+
+def _log_interval(extents: FloatArray, n: int, longest: float) -> FloatArray:
+    """Return the log density of two or more even points on an interval of even length, times the range of its middle.
+
+    With the points of extent ``s`` on an interval of length ``a`` the middle is in a range of ``a - s``, so that the
+    density is the mean of ``(a - s) / a^n`` over the lengths.
+
+    Args:
+        extents: extents of the points ``(*batch)`` [m].
+        n: number of points.
+        longest: longest interval, unless the points need more [m].
+    """
+    shortest = _SMALLEST * longest
+    low, high = np.maximum(extents, shortest), np.maximum(longest, LARGER * extents)
+    log_ratio = np.log(low / high)
+    first = -log_ratio if n == 2 else -np.expm1((n - 2) * log_ratio) / (n - 2)
+    second = -np.expm1((n - 1) * log_ratio) / (n - 1)
+    return np.asarray((2 - n) * np.log(low) + np.log(first - extents / low * second) - np.log(high - shortest))

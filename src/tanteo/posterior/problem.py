@@ -86,8 +86,10 @@ class Problem:
         object.__setattr__(self, "groups", groups)
         object.__setattr__(self, "log_outlier", outlier_log_density(self.points, self.priors))
         object.__setattr__(self, "furniture", weigh_furniture(self.points, self.priors, self.settings.search))
-        object.__setattr__(self, "label_evidence", label_evidence(self.points, groups, self.priors.radius))
-        object.__setattr__(self, "region", touched_region(self.points, groups, self.furniture.others))
+        region = touched_region(self.points, groups, self.furniture.others)
+        object.__setattr__(self, "region", region)
+        evidence = label_evidence(self.points, groups, self.priors.radius, region.groups)
+        object.__setattr__(self, "label_evidence", evidence)
 
     @property
     def scale_sd(self) -> float:

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.factors import ContactPoints
-from tanteo.geometry.special import log_even
 from tanteo.geometry.typing import FloatArray, IntArray, Vectors
 
 LARGER = 1.2
@@ -40,23 +39,25 @@ class TouchedRegion:
         area: area of the region on faces [m^2]; 0 without such measurements.
         length: length of the region on edges [m]; 0 without such measurements.
         groups: area or length of the region of each label ``(G,)``.
-        alone: number of points on faces without label and direction.
+        firsts: number of points on faces that are the first of their label, or have none, and have no direction.
     """
 
     area: float
     length: float
     groups: FloatArray
-    alone: int
+    firsts: int
 
     def log_gain_of_unknown(self, area: float) -> float:
-        """Return the log density of the places on an unknown object, over that of the design that is even over it.
+        """Return the log density of the places in one region of an unknown object, over that of places even over it.
+
+        Points of a label beyond the first count on its own surface (:mod:`tanteo.posterior.labels`).
 
         Args:
             area: surface area of the unknown object [m^2].
         """
-        if self.alone < 2 or self.area >= area:
+        if self.firsts < 2 or self.area >= area:
             return 0.0
-        return float(log_even((self.alone - 1) * np.log(area / self.area)))
+        return float((self.firsts - 1) * np.log(area / self.area))
 
 
 def touched_region(points: ContactPoints, groups: IntArray, rows: IntArray) -> TouchedRegion:
@@ -82,7 +83,8 @@ def touched_region(points: ContactPoints, groups: IntArray, rows: IntArray) -> T
             if on_face.any()
             else min(_length(points.points[own & edge], floor), length)
         )
-    return TouchedRegion(area, length, sizes, int(np.sum(face & (groups < 0))))
+    firsts = int(np.sum(face & (groups < 0))) + len(np.unique(groups[face & (groups >= 0)]))
+    return TouchedRegion(area, length, sizes, firsts)
 
 
 def _area(points: Vectors, floor: float) -> float:
