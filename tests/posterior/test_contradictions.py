@@ -10,6 +10,7 @@ import pytest
 import tanteo
 from bare_scenes import box_centred_pose, surface_points
 from tanteo.geometry import SE3
+from tanteo.planning.following import next_reading
 from tanteo.posterior import PosePrior, Priors, prepare
 from tanteo.posterior import Table as Plane
 
@@ -44,6 +45,9 @@ def test_a_reading_that_contradicts_is_repeated_first(block):
     assert doubted.status == "ambiguous"
     assert doubted.findings[0].kind == "outlier_or_variant"
     assert f"Touch near reading {k + 1} again." in doubted.message
+    proposed = next_reading(doubted, [block.part], tanteo.probe_of(SD, contact=True))
+    assert np.linalg.norm(proposed.finding.point - points[k]) < 0.2 * block.part.diagonal
+    assert proposed.action.direction @ directions[k] > 0.9
     both = touches(np.r_[points, again[None]], np.r_[directions, directions[k : k + 1]])
     assert tanteo.locate(both, block.part).status == "recognized"
 

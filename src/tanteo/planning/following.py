@@ -15,7 +15,7 @@ from tanteo.geometry.limits import LARGEST, LEAST_SD
 from tanteo.geometry.typing import Covariances, Transforms
 from tanteo.parts import Part, part_named
 from tanteo.planning.candidates import propose
-from tanteo.planning.context import DecisionContext
+from tanteo.planning.context import Choice, DecisionContext
 from tanteo.planning.plans import Plan, PlannedReading
 from tanteo.planning.policies import POLICIES
 from tanteo.planning.predictions import predict
@@ -23,12 +23,21 @@ from tanteo.planning.probe import Probe
 from tanteo.planning.samples import draw
 from tanteo.planning.session.action import Action
 from tanteo.planning.session.questions import action_of
+from tanteo.planning.session.worth import information_of_repeat
 from tanteo.planning.start import Start, from_hypotheses
 from tanteo.planning.state import begin
 from tanteo.planning.stopping import chance_within
 from tanteo.planning.unreached import no_place
 from tanteo.posterior import Answer, Hypothesis, Priors
-from tanteo.words.findings import AccuracyNeeded, ExpectedReading, GoalReached, NextTouch, NoPlaceReached
+from tanteo.words.findings import (
+    AccuracyNeeded,
+    ExpectedReading,
+    GoalReached,
+    NextTouch,
+    NoPlaceReached,
+    OutlierOrVariant,
+    RepeatMisfit,
+)
 
 _CANDIDATES = 500
 """Number of candidates, as in a session."""
@@ -89,7 +98,9 @@ def next_reading(
     """Return the reading with the most information about an answer's hypotheses.
 
     Without a goal, an ambiguous answer needs a reading that discriminates its hypotheses, and an insufficient one a
-    reading of the motion that is free. The approach is clear of the part at every hypothesis that matters.
+    reading of the motion that is free. Where readings contradict the part, the one that is farthest off is repeated
+    near its place: it is an outlier, or the object is a variant. The approach is clear of the part at every
+    hypothesis that matters.
 
     Args:
         answer: answer of :func:`tanteo.identify` or :func:`tanteo.locate`; with more hypotheses (``top``) fewer poses
@@ -129,7 +140,8 @@ def next_reading(
     if goal is None and answer.status == "ambiguous":  # only the choice among the hypotheses has a value
         enough = max(target.part.diagonal for target in start.targets)
     context = DecisionContext(state, candidates, probe, None, enough, 0, seed, part_open=open_part)
-    choice = POLICIES["information"].choose(context)
+    doubted = next((one for one in answer.findings if isinstance(one, OutlierOrVariant)), None)
+    choice = POLICIES["information"].choose(context) if doubted is None else _repeat(context, doubted)
     action = action_of(context, choice, 1)
     finding = NextTouch(
         action.part, action.face, tuple(map(float, action.origin)), tuple(map(float, candidates.aims[choice.index])),
@@ -137,6 +149,18 @@ def next_reading(
     )  # fmt: skip
     mode = int(candidates.mode[choice.index])
     return NextReading(action, finding, state.poses[mode], state.covariances[mode])
+
+
+def _repeat(context: DecisionContext, doubted: OutlierOrVariant) -> Choice:
+    """Return the candidate nearest to the worst contradicting reading, on its face if one of the candidates is."""
+    state, candidates = context.state, context.candidates
+    rows = np.flatnonzero(candidates.mode == int(np.argmax(state.weights)))
+    rows = rows if len(rows) else np.arange(len(candidates))
+    names = [state.target(int(candidates.mode[k])).part.faces[int(candidates.face[k])].name for k in rows]
+    same = rows[np.array([name == doubted.faces[0] for name in names])]
+    rows = same if len(same) else rows
+    away = np.linalg.norm(candidates.aims[rows] - np.array(doubted.places[0]), axis=1)
+    return Choice(int(rows[np.argmin(away)]), information_of_repeat(state), RepeatMisfit())
 
 
 def _start(answer: Answer, parts: Sequence[Part], *, relative: bool = True) -> Start:

@@ -110,10 +110,12 @@ def outlier_or_variant(one: GoodnessOfFit, explained: BoolArray) -> OutlierOrVar
     doubtful = far[[not _is_refuted(one, int(k)) for k in far]] if len(far) else far
     if not len(doubtful):
         return None
-    ids, distances = problem.points.ids, at.distances[0]
+    ids, distances, part = problem.points.ids, at.distances[0], one.mode.prepared.part
     order: IntArray = doubtful[np.argsort(-residuals[doubtful], kind="stable")]
     named, off = tuple(ids[k] for k in order), tuple(float(distances[k]) for k in order)
-    return OutlierOrVariant(one.mode.prepared.part.name, named, off)
+    places = tuple((float(x), float(y), float(z)) for x, y, z in problem.points.points[order])
+    numbers = [_approached_face(one, int(k)) for k in order]
+    return OutlierOrVariant(part.name, named, off, places, tuple(part.faces[k].name if k >= 0 else "" for k in numbers))
 
 
 def _approached_face(one: GoodnessOfFit, k: int) -> int:

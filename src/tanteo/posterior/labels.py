@@ -116,7 +116,8 @@ _Row: TypeAlias = tuple[Vectors, Covariances, Vectors, FloatArray]
 def _shared(points: ContactPoints, radius: float, patch: float) -> tuple[FloatArray, _Row | None]:
     """Return the log densities of points on one unknown plane, line or point over that of outliers, and its estimate.
 
-    There is one for each design of the places ``(2,)``. The integral over plane, line or point is Laplace's approximation about the least squares fit.
+    There is one for each design of the places ``(2,)``. The integral over plane, line or point is Laplace's
+    approximation about the least squares fit.
     """
     middle = points.points.mean(axis=0)
     axes = np.linalg.svd((points.points - middle).T @ (points.points - middle))[2]

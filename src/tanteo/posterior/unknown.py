@@ -90,7 +90,8 @@ def log_anywhere(problem: Problem, centroid: Vectors, area: float) -> float:
     place = log_place_of_unknown(priors.pose, centroid, where.middle, priors.radius, where.sd)
     known = priors.pose is not None and (priors.pose.box is not None or priors.pose.T_world_part is not None)
     share = np.log(where.volume) - 3 * np.log(2 * (priors.radius if known else where.radius))
-    places = log_sum(labels.log_designs.sum(axis=1) + [0.0, problem.region.log_gain_of_unknown(area)]) - np.log(2)
+    even, chosen = labels.log_designs.sum(axis=1)
+    places = np.logaddexp(even, chosen + problem.region.log_gain_of_unknown(area)) - np.log(2)
     shapes = places + log_joint_surfaces(labels.facets, priors.right_angled, priors.radius, problem.settings)
     return float(problem.log_not_on_part.sum() + place + share + shapes) + problem.log_factors_unknown
 

@@ -165,6 +165,8 @@ class OutlierOrVariant(Finding):
         part: name of the part.
         readings: their ids, the worst first.
         distances: signed distance of each from the surface [m]; negative inside the material.
+        places: place of each in the world [m].
+        faces: name of the face that the approach to each meets, or that is nearest to it.
     """
 
     kind: ClassVar[str] = "outlier_or_variant"
@@ -172,6 +174,8 @@ class OutlierOrVariant(Finding):
     part: str
     readings: tuple[str, ...]
     distances: tuple[float, ...]
+    places: tuple[tuple[float, float, float], ...]
+    faces: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
