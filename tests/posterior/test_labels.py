@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tanteo.factors import surface_points
+from tanteo.factors import FreeRays, surface_points
 from tanteo.geometry import SO3
+from tanteo.posterior import Priors, Problem
 from tanteo.posterior.joint_surface_model import log_level, log_right_angled
-from tanteo.posterior.labels import Facets, groups_of, label_evidence
-from tanteo.posterior.touched_region import touched_region
+from tanteo.posterior.labels import Facets
 
 RADIUS, SD = 0.1, 5e-3
 
@@ -18,10 +18,12 @@ def labelled(points, sd=SD, kind="plane", **more):
     return surface_points(points, sd, labels=("a",) * len(points), kind=kind, **more)
 
 
+def problem(points):
+    return Problem(points, FreeRays.none(), Priors(radius=RADIUS))
+
+
 def evidence(points):
-    groups = groups_of(points)
-    region = touched_region(points, groups, np.arange(len(points)))
-    return label_evidence(points, groups, RADIUS, region.groups)
+    return problem(points).label_evidence
 
 
 def odds(points):
@@ -76,7 +78,7 @@ def test_places_on_a_face_are_as_dense_as_over_rectangles(n):
     mean, error = per_face.mean(), per_face.std() / np.sqrt(len(sides))
     expected = (n - 1) * np.log(section) + np.log((4 * RADIUS) ** 2 * mean)
     assert got[0] == pytest.approx(expected, abs=4 * error / mean)
-    patch = touched_region(labelled(p, sd=1e-4), np.zeros(n, dtype=int), np.arange(n)).area
+    patch = problem(labelled(p, sd=1e-4)).region.groups[0]
     assert got[1] == pytest.approx((n - 1) * np.log(section / patch), abs=1e-3)  # beams are not quite perpendicular
 
 
