@@ -103,7 +103,7 @@ def test_a_shared_error_that_turns_with_hand_does_not_hide_plane():
     shared."""
     rng = np.random.default_rng(4)
     R = any_rotations(rng, 8)
-    p = np.column_stack([rng.uniform(-0.05, 0.05, (8, 2)), 1e-4 * rng.normal(size=8)])
+    p = np.column_stack([rng.uniform(-0.03, 0.03, (8, 2)), 1e-4 * rng.normal(size=8)])
     off, shared_jacobian = np.array([6e-4, -9e-4, 5e-4]), 1e-3 * R
     seen = labelled(p - R @ off, sd=1e-4)
     labels_given = labelled(p - R @ off, sd=1e-4)
