@@ -114,12 +114,15 @@ def _repeats(readings: Readings) -> list[IntArray]:
 
 def _near_each_other(places: FloatArray) -> list[IntArray]:
     """Return the sets of three places or more within one unit of each other, whose extent is up to two units."""
-    from scipy.sparse import coo_array  # slow to import
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import KDTree
+    from scipy.spatial import KDTree  # slow to import
 
     n = len(places)
     pairs = KDTree(places).query_pairs(1.0 - _ROUNDING, p=np.inf, output_type="ndarray")
+    if len(pairs) < _REPEATS - 1:
+        return []
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n))
     owner = connected_components(graph, directed=False)[1]
     counts = np.bincount(owner, minlength=1)
