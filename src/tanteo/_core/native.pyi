@@ -163,6 +163,7 @@ def mixture(
     bases: FloatArray,
     bends: FloatArray,
     owners: AnyInts,
+    m: int,
     means: FloatArray,
     inverses: FloatArray,
     log_weights: FloatArray,

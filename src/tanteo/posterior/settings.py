@@ -276,6 +276,8 @@ class SampleSettings:
             samples.min_fraction 0.03 0.1 0.3 --rows touch=16 prior=16``.
         clip: largest weight of a sample while components adapt, as one over this number of all. Flat from 5 to 60:
             ``python benchmarks/sweep.py samples.clip 5 15 60 --rows touch=16 prior=16``.
+        piece: number of samples of a piece of a ridge.
+        whole: effective samples for each drawn below which a component is replaced by pieces.
         barrier: fall of the log density between two maxima of one region [nats], less than to the border of a region
             of two standard deviations in six directions. ``python benchmarks/sweep.py
             samples.barrier 0 3 9 --rows touch=16 prior=16``.
@@ -301,6 +303,8 @@ class SampleSettings:
     region: float = 1e-3
     min_fraction: float = 0.1
     clip: int = 15
+    piece: int = 32
+    whole: float = 0.1
     barrier: float = 3.0
     path_steps: int = 4
     edge_sd: float = 0.05

@@ -468,18 +468,12 @@ Out offsets(Doubles T, Doubles Ts, Doubles centre) {
     return array_of(std::move(out), {all.size(), 6});
 }
 
-std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Doubles bends, Ints owners, Doubles means, Doubles inverses,
+std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Doubles bends, Ints owners, int m, Doubles means, Doubles inverses,
                              Doubles log_weights, double freedom, Doubles centre) {
     const std::vector<Pose> all = poses(Ts), at = poses(bases, "bases");
-    const size_t C = owners.size(), m = at.size();
-    expect(bends, "bends", {m, 6, 6, 6});
-    std::vector<MixtureBase> base(m);
-    for (size_t k = 0; k < m; ++k) {
-        const double* bend = bends.data() + 216 * k;
-        base[k].pose = at[k];
-        base[k].straight = std::all_of(bend, bend + 216, [](double b) { return b == 0; });
-        std::copy_n(bend, 216, base[k].bend);
-    }
+    const size_t C = at.size();
+    expect(m, "m", 1, 1e9);
+    expect(bends, "bends", {C, 6, 6, 6});
     const std::vector<int> owner = expect(owners, "owners", C, 0, int64_t(m) - 1);
     expect(means, "means", {C, 6});
     expect(inverses, "inverses", {C, 6, 6});
@@ -489,19 +483,27 @@ std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Doubles bends, Ints owne
     for (size_t k = 0; k < C; ++k) {
         MixtureComponent& c = components[k];
         c.owner = owner[k];
+        c.base = at[k];
+        const double* bend = bends.data() + 216 * k;
+        if (std::any_of(bend, bend + 216, [](double b) { return b != 0; }))
+            for (int i = 0; i < 6; ++i)
+                for (int j = 0; j < 6; ++j)
+                    for (int l = j; l < 6; ++l)
+                        c.bend.push_back(bend[36 * i + 6 * j + l] + (l > j ? bend[36 * i + 6 * l + j] : 0));
         for (int i = 0; i < 6; ++i) expect(inverses.data()[36 * k + 7 * i], "inverses", 1e-150, 1e150);
         std::copy_n(means.data() + 6 * k, 6, c.mean);
         std::copy_n(inverses.data() + 36 * k, 36, c.inverse);
         c.log_weight = log_weights.data()[k];
     }
     const Vec3 middle = vector(centre, "centre");
-    std::vector<double> logs(all.size()), shares(all.size() * m);
+    const size_t count = static_cast<size_t>(m);
+    std::vector<double> logs(all.size()), shares(all.size() * count);
     {
         nb::gil_scoped_release release;
-        const Mixture mix(std::move(base), std::move(components), freedom, middle);
-        for_all(all.size(), [&] { return [&](size_t k) { logs[k] = mix.log_density(all[k], shares.data() + k * m); }; });
+        const Mixture mix(std::move(components), m, freedom, middle);
+        for (size_t k = 0; k < all.size(); ++k) logs[k] = mix.log_density(all[k], shares.data() + k * count);
     }
-    return {list_of(std::move(logs)), array_of(std::move(shares), {all.size(), m})};
+    return {list_of(std::move(logs)), array_of(std::move(shares), {all.size(), count})};
 }
 
 // Whether two poses are within a squared distance by an information about a centre.
@@ -644,7 +646,7 @@ NB_MODULE(native, m) {
     m.def("marginals", &marginals, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("place", &placed, "poses"_a, "offsets"_a, "centre"_a);
     m.def("offsets", &offsets, "base"_a, "poses"_a, "centre"_a);
-    m.def("mixture", &mixture, "poses"_a, "bases"_a, "bends"_a, "owners"_a, "means"_a, "inverses"_a, "log_weights"_a, "freedom"_a,
+    m.def("mixture", &mixture, "poses"_a, "bases"_a, "bends"_a, "owners"_a, "m"_a, "means"_a, "inverses"_a, "log_weights"_a, "freedom"_a,
           "centre"_a);
     m.def("distinct", &distinct, "poses"_a, "informations"_a, "limit"_a, "most"_a, "centre"_a, "symmetries"_a = nb::none());
     m.def("closest_points", &closest_points, "shape"_a, "points"_a);

@@ -19,59 +19,87 @@ class Mixture:
         images: motions other than the identity that map the part onto itself ``(K, 4, 4)``.
         centre: point of the part about which components turn ``(3,)`` [m].
         freedom: degrees of freedom of the Student-t components.
+        owners: maximum of each component ``(C,)``.
+        bases: poses relative to which the components are ``(C, 4, 4)``.
+        bends: bends of the ridges there; zero without a bend ``(C, 6, 6, 6)``.
+        means: their means, as straight motions ``(C, 6)``.
+        covariances: their covariances ``(C, 6, 6)``.
+        drawn: number of samples drawn from each ``(C,)``.
     """
 
     images: Transforms
     centre: FloatArray
     freedom: float
-    _components: list[tuple[int, FloatArray, Covariances, int]] = field(init=False, default_factory=list)
+    owners: IntArray = field(init=False)
+    bases: Transforms = field(init=False)
+    bends: FloatArray = field(init=False)
+    means: FloatArray = field(init=False)
+    covariances: Covariances = field(init=False)
+    drawn: IntArray = field(init=False)
 
-    def add(self, k: int, mean: FloatArray, covariance: Covariances, count: int) -> None:
-        """Record the samples drawn from a component about maximum ``k``; equal components are merged."""
-        for row, (owner, m, C, drawn) in enumerate(self._components):
-            if owner == k and np.array_equal(m, mean) and np.array_equal(C, covariance):
-                self._components[row] = k, m, C, drawn + count
-                return
-        self._components.append((k, mean.copy(), covariance.copy(), count))
+    def __post_init__(self) -> None:
+        self.owners, self.drawn = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+        self.bases, self.bends = np.zeros((0, 4, 4)), np.zeros((0, 6, 6, 6))
+        self.means, self.covariances = np.zeros((0, 6)), np.zeros((0, 6, 6))
+
+    def __len__(self) -> int:
+        return len(self.owners)
+
+    def add(
+        self,
+        owners: IntArray,
+        bases: Transforms,
+        bends: FloatArray,
+        means: FloatArray,
+        covariances: Covariances,
+        drawn: IntArray,
+    ) -> None:
+        """Record the samples drawn from some components."""
+        self.owners, self.drawn = np.concatenate([self.owners, owners]), np.concatenate([self.drawn, drawn])
+        self.bases, self.bends = np.concatenate([self.bases, bases]), np.concatenate([self.bends, bends])
+        self.means = np.concatenate([self.means, means])
+        self.covariances = np.concatenate([self.covariances, covariances])
 
     def counts(self, m: int) -> IntArray:
         """Return the number of samples drawn about each of ``m`` maxima ``(m,)``."""
-        counts = np.zeros(m, dtype=np.int64)
-        for owner, _, _, count in self._components:
-            counts[owner] += count
-        return counts
+        return np.bincount(self.owners, self.drawn, minlength=m).astype(np.int64)
 
-    def log_density(self, bases: Transforms, bends: FloatArray, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
+    def log_density(self, Ts: Transforms, m: int, first: int = 0) -> tuple[FloatArray, FloatArray]:
         """Return the log density of the mixture at poses ``(N,)``, and the fraction of each maximum in it ``(N, m)``.
 
         Symmetric poses are equal: a pose may have been drawn as any of its images.
 
         Args:
-            bases: poses of the maxima ``(m, 4, 4)``.
-            bends: bends of the ridges at the maxima ``(m, 6, 6, 6)``.
             Ts: poses at which the density is evaluated ``(N, 4, 4)``.
+            m: number of maxima.
+            first: first component that counts.
         """
-        components = sorted(self._components, key=lambda c: c[0])
-        owners = np.array([c[0] for c in components], dtype=np.int32)
-        means, counts = np.array([c[1] for c in components]), np.array([float(c[3]) for c in components])
-        L = roots(np.array([c[2] for c in components]))
+        L = roots(self.covariances[first:])
         inverse = np.ascontiguousarray(np.linalg.inv(L))
-        log_w = np.log(counts) - np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
+        log_w = np.log(self.drawn[first:]) - np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
         args = (
-            np.ascontiguousarray(bases),
-            np.ascontiguousarray(bends),
-            owners,
-            means,
-            inverse,
-            log_w,
-            self.freedom,
-            self.centre,
-        )
+            self.bases[first:], self.bends[first:], self.owners[first:], m, self.means[first:], inverse, log_w,
+            self.freedom, self.centre,
+        )  # fmt: skip
         log_q, shares = _core.mixture(Ts, *args)
         for turn in self.images:
             other, of_other = _core.mixture(np.ascontiguousarray(Ts @ turn), *args)
-            both = np.logaddexp(log_q, other)
-            with np.errstate(invalid="ignore"):
-                a, b = np.exp(log_q - both), np.exp(other - both)
-            shares, log_q = np.nan_to_num(a)[:, None] * shares + np.nan_to_num(b)[:, None] * of_other, both
+            log_q, shares = joined(log_q, shares, other, of_other)
         return log_q, shares
+
+
+def joined(
+    log_q: FloatArray, shares: FloatArray, other: FloatArray, of_other: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the log of the sum of two densities at the same poses ``(N,)``, and the fractions in it ``(N, m)``.
+
+    Args:
+        log_q: log of the first density ``(N,)``.
+        shares: fraction of each maximum in it ``(N, m)``.
+        other: log of the second density ``(N,)``.
+        of_other: fraction of each maximum in it ``(N, m)``.
+    """
+    both = np.logaddexp(log_q, other)
+    with np.errstate(invalid="ignore"):
+        a, b = np.exp(log_q - both), np.exp(other - both)
+    return both, np.nan_to_num(a)[:, None] * shares + np.nan_to_num(b)[:, None] * of_other

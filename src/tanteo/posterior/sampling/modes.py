@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo import _core
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.special import chi2_quantile
@@ -15,6 +14,7 @@ from tanteo.posterior.answers.pose_prior import in_box
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.sampling.control_variate import ControlVariate
 from tanteo.posterior.sampling.peaks import Objective
+from tanteo.posterior.sampling.ridges import Paths, follow
 from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.posterior.sampling.widths import roots
 from tanteo.posterior.settings import POSE_DOF
@@ -77,13 +77,12 @@ def modes_of(sampler: Sampler, least: float = -np.inf) -> list[Mode]:
         return []
     W = sampler.weights(float(sampler.log_weights.max()))[:, None] * sampler.shares
     sums = W.sum(axis=0)
-    together = with_common_samples(sampler) & sampled & sampled[:, None]
     inside = _inside(sampler)
-    together |= inside & sampled & sampled[:, None]
+    together = (common_samples(sampler) | inside) & sampled & sampled[:, None]
     together |= _in_one_valley(sampler, np.flatnonzero(sampled), together)
     top, out = float(sampler.log_weights.max()), []
     curved = from_centre(sampler.objective, sampler.objective.of_pose(sampler.peaks.information))
-    for rows in groups_of(together):
+    for rows in regions_of(sampler, together):
         if not sampled[rows].any():
             continue
         log_mass = float(mass[rows[0]]) if len(rows) == 1 else float(np.log(sums[rows].sum())) + top
@@ -93,44 +92,72 @@ def modes_of(sampler: Sampler, least: float = -np.inf) -> list[Mode]:
     return out + [_by_curvature(sampler, k, float(masses[k[0]]), curved) for k in np.flatnonzero(apart)[:, None]]
 
 
-def with_common_samples(sampler: Sampler) -> np.ndarray:
-    """Return which maxima share a notable fraction of their weighted samples ``(m, m)``."""
+def common_samples(sampler: Sampler) -> BoolArray:
+    """Return which maxima share a notable fraction of their weighted samples ``(m, m)``.
+
+    First components along bent ridges are wide and reach other ridges, so those in pieces do not count.
+    """
     W = sampler.weights(float(sampler.log_weights.max()))[:, None] * sampler.shares
     sums = W.sum(axis=0)
     common = np.stack([W[rows, k] @ sampler.shares[rows] for k, rows in enumerate(map(np.flatnonzero, W.T))])
+    common[sampler.in_pieces], common[:, sampler.in_pieces] = 0.0, 0.0
     return np.asarray(common > sampler.settings.min_fraction * np.minimum(sums[:, None], sums))
 
 
-def _in_one_valley(sampler: Sampler, rows: IntArray, together: np.ndarray) -> np.ndarray:
+def regions_of(sampler: Sampler, together: BoolArray) -> list[IntArray]:
+    """Return the regions of the maxima of a part, in the order of their first members.
+
+    Maxima that are together are one region. A maximum with a small fraction of the mass of each of two regions joins
+    one of them, and does not unite them: by chance a search finds it, or not.
+
+    Args:
+        sampler: samples of the part.
+        together: which maxima are one region ``(m, m)``.
+    """
+    mass, _ = sampler.masses()
+    p = np.exp(mass - mass.max()) if np.isfinite(mass).any() else np.zeros(len(mass))
+    either, regions = together | together.T, list[list[int]]()
+    for k in np.argsort(-p, kind="stable"):
+        near = sorted((one for one in regions if either[k, one].any()), key=lambda one: -float(p[one].sum()))
+        own = near[0] if near else []
+        for one in near[1:]:
+            if p[k] > sampler.settings.min_fraction * p[one].sum():
+                own.extend(one)
+                regions = [other for other in regions if other is not one]
+        own.append(int(k))
+        regions = regions if near else [*regions, own]
+    return sorted((np.sort(one) for one in regions), key=lambda one: int(one[0]))
+
+
+def _in_one_valley(sampler: Sampler, rows: IntArray, together: BoolArray) -> BoolArray:
     """Return which maxima a path joins that is nowhere much less dense than the lower of both ``(m, m)``.
 
-    A round face of facets has a maximum on each facet, but turns about it are one region.
+    A round face of facets has a maximum on each facet, but turns about it are one region. The paths between probable
+    maxima follow ridges that are bent.
 
     Args:
         sampler: samples of the part.
         rows: the maxima ``(R,)``.
         together: which maxima are known to be one region; no path between two of one region is tried ``(m, m)``.
     """
-    objective, peaks, out = sampler.objective, sampler.peaks, np.zeros((len(sampler.peaks),) * 2, dtype=bool)
-    steps = sampler.settings.path_steps
+    peaks, out, own = sampler.peaks, np.zeros((len(sampler.peaks),) * 2, dtype=bool), sampler.settings
     region = np.zeros(len(together), dtype=np.int64)
-    for k, own in enumerate(groups_of(together)):
-        region[own] = k
+    for k, group in enumerate(regions_of(sampler, together)):
+        region[group] = k
     first, second = (rows[k] for k in np.triu_indices(len(rows), 1))
     apart = region[first] != region[second]
     first, second = first[apart], second[apart]
     if not len(first):
         return out
-    xi = SE3.log(SE3.inverse(peaks.Ts[first]) @ peaks.Ts[second])
-    shares = np.arange(1, steps) / steps
-    Ts = peaks.Ts[first, None] @ SE3.exp(shares[:, None] * xi[:, None])
-    zs = peaks.zs[first, None] + shares[:, None] * (peaks.zs[second] - peaks.zs[first])[:, None]
-    logs = _core.log_densities(
-        objective.prepared.shape, objective.core, np.ascontiguousarray(Ts.reshape(-1, 4, 4)),
-        np.ascontiguousarray(zs.reshape(len(first) * len(shares), zs.shape[2])),
-    ).reshape(len(first), -1)  # fmt: skip
-    lower = np.minimum(peaks.logs[first], peaks.logs[second])
-    joined = logs.min(axis=1) > lower - sampler.settings.barrier
+    ends = [np.stack([values[first], values[second]], axis=1) for values in (peaks.Ts, peaks.zs)]
+    paths = Paths(sampler.objective, *ends)
+    least = paths.lower_end() - own.barrier
+    straight = paths.halved().halved()
+    joined = straight.lowest() > least
+    mass, _ = sampler.masses()
+    probable = np.minimum(mass[first], mass[second]) > mass.max() + np.log(own.min_probability)
+    bent = np.flatnonzero(probable & ~joined)
+    joined[bent] = follow(straight.take(bent), least[bent])
     out[first[joined], second[joined]] = True
     return out
 
@@ -158,23 +185,6 @@ def _by_curvature(sampler: Sampler, rows: IntArray, log_mass: float, covariances
         objective, T, covariances[k], T, peaks.zs[k], information, log_mass, 0.0, T[None], np.ones(1), 0.0, True,
         len(rows), int(np.bitwise_or.reduce(peaks.groups[rows])).bit_count(),
     )  # fmt: skip
-
-
-def groups_of(together: np.ndarray) -> list[IntArray]:
-    """Return the connected components of a relation ``(m, m)``, in the order of their first members."""
-    either, left, out = together | together.T, np.ones(len(together), dtype=bool), []
-    for k in range(len(either)):
-        if not left[k]:
-            continue
-        group = np.zeros(len(either), dtype=bool)
-        group[k], new = True, np.array([k])
-        while len(new):
-            near = either[new].any(axis=0) & ~group
-            group |= near
-            new = np.flatnonzero(near)
-        left &= ~group
-        out.append(np.flatnonzero(group))
-    return out
 
 
 def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:

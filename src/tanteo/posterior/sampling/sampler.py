@@ -6,11 +6,14 @@ nothing is counted twice. Shared errors and the noise scale are integrated at ea
 
 Few measurements leave ridges that are bent: a turn about one touched point moves the others along circles. Components
 are therefore Student-t in straight coordinates, ``x - bend(x, x)`` for a motion ``x`` from the maximum. The bend of the
-narrow directions is quadratic in the wide ones, so that volumes are equal.
+narrow directions is quadratic in the wide ones, so that volumes are equal. Where a component has few effective samples,
+it is replaced by pieces: components about samples that are drawn by their weights, each with the curvature and bend at
+its place (West 1993; Cappe et al. 2004, population Monte Carlo).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,7 +22,7 @@ from tanteo import _core
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 from tanteo.posterior.sampling.control_variate import ControlVariate
 from tanteo.posterior.sampling.density import Density
-from tanteo.posterior.sampling.mixture import Mixture
+from tanteo.posterior.sampling.mixture import Mixture, joined
 from tanteo.posterior.sampling.peaks import Objective, Peaks
 from tanteo.posterior.sampling.widths import Axes, narrowed, roots
 from tanteo.posterior.settings import POSE_DOF, SampleSettings
@@ -59,6 +62,7 @@ class Sampler:
         means: means of the components, as straight motions from their maxima ``(m, 6)`` [m, rad].
         covariances: covariances of the components ``(m, 6, 6)`` [m, rad].
         local: whether each component is a piece of a ridge ``(m,)``.
+        in_pieces: whether the component of each maximum is replaced by pieces ``(m,)``.
     """
 
     objective: Objective
@@ -78,9 +82,12 @@ class Sampler:
     means: FloatArray = field(init=False)
     covariances: Covariances = field(init=False)
     _mixture: Mixture = field(init=False)
+    _weighed: tuple[int, int] = field(init=False, default=(0, 0))
+    _log_mixture: FloatArray = field(init=False)
     _slopes: FloatArray = field(init=False)
     _tops: FloatArray = field(init=False)
     local: BoolArray = field(init=False)
+    in_pieces: BoolArray = field(init=False)
     _fitted: BoolArray = field(init=False)
     _masses: tuple[FloatArray, FloatArray] | None = field(init=False, default=None)
 
@@ -88,9 +95,10 @@ class Sampler:
         D, peaks = self.objective.problem.states, self.peaks
         self.Ts, self.zs = np.zeros((0, 4, 4)), np.zeros((0, D))
         self.log_target, self.log_weights, self.log_density = np.zeros(0), np.zeros(0), np.zeros(0)
-        self.shares = np.zeros((0, len(peaks)))
+        self.shares, self._log_mixture = np.zeros((0, len(peaks))), np.zeros(0)
         self.means, self.covariances, self._slopes, cut = self._about(peaks)
-        self.bends, self._tops = np.zeros((len(peaks), 6, 6, 6)), np.full(len(peaks), np.nan)
+        self.bends = np.zeros((len(peaks), 6, 6, 6))
+        self._tops, self.in_pieces = np.full(len(peaks), np.nan), np.zeros(len(peaks), dtype=bool)
         prepared = self.objective.prepared
         self._mixture = Mixture(prepared.part.symmetry.Ts[1:], prepared.shape.centre, self.settings.freedom)
         self._fitted, self.local = cut | self.trusted, np.zeros(len(peaks), dtype=bool)
@@ -122,6 +130,7 @@ class Sampler:
         self.covariances = np.concatenate([self.covariances, covariances])
         self.means = np.concatenate([self.means, means])
         self.bends = np.concatenate([self.bends, np.zeros((len(peaks), 6, 6, 6))])
+        self.in_pieces = np.concatenate([self.in_pieces, np.zeros(len(peaks), dtype=bool)])
         self._tops = np.concatenate([self._tops, np.full(len(peaks), np.nan)])
         self._slopes = np.concatenate([self._slopes, slopes])
         self.shares = np.pad(self.shares, ((0, 0), (0, len(peaks))))
@@ -154,27 +163,97 @@ class Sampler:
         return rows[np.argsort(-w[rows])]
 
     def sample(self, counts: IntArray) -> None:
-        """Draw further samples from each component ``(m,)``, and recompute all weights."""
+        """Draw further samples of each maximum ``(m,)``, and recompute all weights."""
         on = np.flatnonzero(counts)
         if not len(on):
             return
         new = on[np.isnan(self._tops[on])]
         if len(new):
             self._tops[new] = self.density.at(np.ascontiguousarray(self.peaks.Ts[new]), self.peaks.zs[new])[0]
-        self._fit_widths(on[~self._fitted[on]], counts)
-        owners = np.repeat(on, counts[on])
-        L = roots(self.covariances[on])
-        for k in on:
-            self._mixture.add(int(k), self.means[k], self.covariances[k], int(counts[k]))
-        n, freedom = len(owners), self.settings.freedom
-        z = self.rng.normal(size=(n, 6)) / np.sqrt(self.rng.chisquare(freedom, size=(n, 1)) / freedom)
-        x = self.means[owners] + np.einsum("nij,nj->ni", L[np.repeat(np.arange(len(on)), counts[on])], z)
-        Ts = self._placed(owners, x)
-        log, zs = self.density.at(Ts, self._followed(owners, x))
-        log[np.linalg.norm(self._bent(owners, x)[:, 3:], axis=1) >= np.pi] = -np.inf
-        self.Ts, self.zs = np.concatenate([self.Ts, Ts]), np.concatenate([self.zs, zs])
-        self.log_target = np.concatenate([self.log_target, log])
+        whole, ridges = on[~self.in_pieces[on]], on[self.in_pieces[on]]
+        self._fit_widths(whole[~self._fitted[whole]], counts)
+        drawn = []
+        if len(whole):
+            bases, bends, slopes = self.peaks.take(whole), self.bends[whole], self._slopes[whole]
+            means, covariances = self.means[whole], self.covariances[whole]
+            drawn.append(self._drawn(whole, bases, bends, means, covariances, slopes, counts[whole]))
+        if len(ridges):
+            drawn.append(self._drawn_along(ridges, counts[ridges]))
+        self.Ts = np.concatenate([self.Ts, *(Ts for Ts, _, _ in drawn)])
+        self.zs = np.concatenate([self.zs, *(zs for _, zs, _ in drawn)])
+        self.log_target = np.concatenate([self.log_target, *(log for _, _, log in drawn)])
         self._weigh()
+
+    def _drawn_along(self, which: IntArray, counts: IntArray) -> tuple[Transforms, FloatArray, FloatArray]:
+        """Draw samples from pieces of ridges: components about earlier samples, drawn by their weights.
+
+        Args:
+            which: maxima of the ridges ``(R,)``.
+            counts: number of samples to draw of each ``(R,)``.
+
+        Returns:
+            Poses, other states and log densities.
+        """
+        w, size = self.weights(float(self.log_weights.max())), self.settings.piece
+        nearest, rows, times, owners = np.argmax(self.shares, axis=1), [], [], []
+        for k, count in zip(which, counts, strict=True):
+            own = np.where(nearest == k, w, 0.0)
+            own = np.cumsum(np.minimum(own, own.sum() / self.settings.clip))
+            n = max(int(count) // size, 1)
+            places = np.searchsorted(own, (self.rng.random() + np.arange(n)) / n * own[-1])
+            at, often = np.unique(places.clip(0, len(w) - 1), return_counts=True)
+            rows.append(at)
+            times.append(often)
+            owners.append(np.full(len(at), k))
+        all_rows, shape = np.concatenate(rows), self.objective.prepared.shape
+        Ts, zs = np.ascontiguousarray(self.Ts[all_rows]), np.ascontiguousarray(self.zs[all_rows])
+        logs, _, information = _core.slopes(shape, self.objective.core, Ts, zs)
+        none = np.zeros(len(Ts), dtype=np.int64)
+        pieces = Peaks(Ts, zs, logs, information, np.full(len(Ts), -np.inf), none)
+        means, covariances, slopes, _ = self._about(pieces)
+        covariances, bends = self._bent_widths(pieces, slopes, Axes.of(covariances, self._unit))
+        counted = size * np.concatenate(times)
+        return self._drawn(np.concatenate(owners), pieces, bends, means, covariances, slopes, counted)
+
+    def _drawn(
+        self,
+        owners: IntArray,
+        bases: Peaks,
+        bends: FloatArray,
+        means: FloatArray,
+        covariances: Covariances,
+        slopes: FloatArray,
+        counts: IntArray,
+    ) -> tuple[Transforms, FloatArray, FloatArray]:
+        """Draw samples from components, and record these.
+
+        Args:
+            owners: maximum of each component ``(C,)``.
+            bases: poses relative to which they are ``(C,)``.
+            bends: bends of the ridges there ``(C, 6, 6, 6)``.
+            means: their means ``(C, 6)``.
+            covariances: their covariances ``(C, 6, 6)``.
+            slopes: slopes of the other states ``(C, D, 6)``.
+            counts: number of samples of each ``(C,)``.
+
+        Returns:
+            Poses, other states and log densities.
+        """
+        L, freedom, n = roots(covariances), self.settings.freedom, int(counts.sum())
+        z = self.rng.normal(size=(n, 6)) / np.sqrt(self.rng.chisquare(freedom, size=(n, 1)) / freedom)
+        which = np.repeat(np.arange(len(counts)), counts)
+        x = means[which] + np.einsum("nij,nj->ni", L[which], z)
+        bent = _bent(bends, which, x)
+        Ts = self._placed(bases, which, bent)
+        log, zs = self.density.at(Ts, self._followed(bases, slopes, which, x))
+        log[np.linalg.norm(bent[:, 3:], axis=1) >= np.pi] = -np.inf
+        self._mixture.add(owners, bases.Ts, bends, means, covariances, counts)
+        return Ts, zs, log
+
+    @property
+    def _unit(self) -> FloatArray:
+        """Return the units of a motion, with turns as shifts of the rim ``(6,)``."""
+        return np.r_[np.ones(3), np.full(3, 4 / self.objective.prepared.part.diagonal)]
 
     def _fit_widths(self, which: IntArray, counts: IntArray) -> None:
         """Narrow components along axes on which the density falls faster than its curvature implies.
@@ -186,57 +265,84 @@ class Sampler:
             which: indices of components whose widths are those of the curvature.
             counts: number of samples to draw from each component ``(m,)``.
         """
-        own, size = self.objective.problem.settings, self.objective.prepared.part.diagonal
-        unit = np.r_[np.ones(3), np.full(3, 4 / size)]  # turns as shifts of the rim
-        new, axes = self.counts()[which] == 0, Axes.of(self.covariances[which], unit)
+        size = self.objective.prepared.part.diagonal
+        new, axes = self.counts()[which] == 0, Axes.of(self.covariances[which], self._unit)
         some = (counts[which] >= self.settings.heaviest) | (new & (axes.widths[:, -1] > self.settings.edge_sd * size))
         which, new, axes = which[some], new[some], axes.take(some)
         if not len(which):
             return
         self._fitted[which] = True
+        # samples of the others so far were drawn without a bend
+        fitted = self._bent_widths(self.peaks.take(which), self._slopes[which], axes, new)
+        self.covariances[which], self.bends[which] = fitted
 
-        def log_at(x: FloatArray) -> FloatArray:
-            """Return log densities at the noise scale of the maxima: integrated over it, they have a cusp there."""
-            owners, x = np.repeat(which, x.shape[1]), np.ascontiguousarray(x.reshape(-1, 6))
-            zs = np.ascontiguousarray(self._regressed(owners, x))
-            shape = self.objective.prepared.shape
-            return np.asarray(_core.log_densities(shape, self.objective.core, self._placed(owners, x), zs))
-
-        straight = narrowed(axes, log_at, own)
-        self.covariances[which] = straight.covariances
-        short = new & (straight.widths < axes.widths).any(axis=1)  # samples so far were drawn without a bend
-        which, axes, straight = which[short], axes.take(short), straight.take(short)
-        if not len(which):
-            return
-        self.bends[which] = self._bends(which, straight, straight.widths < axes.widths)
-        bent = narrowed(axes, log_at, own)
-        longer = np.log(bent.widths).sum(axis=1) > np.log(straight.widths).sum(axis=1)
-        self.covariances[which[longer]], self.bends[which[~longer]] = bent.take(longer).covariances, 0.0
-
-    def _bends(self, which: IntArray, axes: Axes, wide: BoolArray) -> FloatArray:
-        """Return the bends of ridges ``(m, 6, 6, 6)``, from gradients on both sides of the maxima.
-
-        Where the narrow directions of the ridge are at ``b(u)`` for a motion ``u`` along the wide ones, the gradient in
-        them is ``H b(u)``, and ``b(u)`` is even. So the sum of the gradients at ``u`` and ``-u`` is ``2 H b(u)``.
+    def _bent_widths(
+        self, bases: Peaks, slopes: FloatArray, axes: Axes, bent: BoolArray | None = None
+    ) -> tuple[Covariances, FloatArray]:
+        """Return covariances of components, narrowed where the density falls earlier, and bends where those are longer.
 
         Args:
-            which: indices of the components.
+            bases: poses relative to which the components are ``(C,)``.
+            slopes: slopes of the other states ``(C, D, 6)``.
+            axes: their axes by the curvature.
+            bent: which components may bend ``(C,)``; None for all.
+
+        Returns:
+            Covariances ``(C, 6, 6)`` and bends ``(C, 6, 6, 6)``.
+        """
+
+        def log_at(rows: IntArray, bends: FloatArray) -> Callable[[FloatArray], FloatArray]:
+            """Return log densities at the noise scale of the bases: integrated over it, they have a cusp there."""
+
+            def log(x: FloatArray) -> FloatArray:
+                which, x = np.repeat(rows, x.shape[1]), np.ascontiguousarray(x.reshape(-1, 6))
+                zs = np.ascontiguousarray(self._regressed(bases, slopes, which, x))
+                there = self._placed(bases, which, _bent(bends, which, x))
+                shape = self.objective.prepared.shape
+                return np.asarray(_core.log_densities(shape, self.objective.core, there, zs))
+
+            return log
+
+        own, bends = self.objective.problem.settings, np.zeros((len(bases), 6, 6, 6))
+        straight = narrowed(axes, log_at(np.arange(len(bases)), bends), own)
+        covariances, shorter = straight.covariances, straight.widths < axes.widths
+        short = np.logical_and(shorter.any(axis=1), True if bent is None else bent)
+        rows = np.flatnonzero(short)
+        if len(rows):
+            axes, straight = axes.take(short), straight.take(short)
+            bends[rows] = self._bends(bases.take(rows), slopes[rows], straight, shorter[rows])
+            longer = narrowed(axes, log_at(rows, bends), own)
+            better = np.log(longer.widths).sum(axis=1) > np.log(straight.widths).sum(axis=1)
+            covariances[rows[better]], bends[rows[~better]] = longer.take(better).covariances, 0.0
+        return covariances, bends
+
+    def _bends(self, bases: Peaks, states: FloatArray, axes: Axes, wide: BoolArray) -> FloatArray:
+        """Return the bends of ridges ``(C, 6, 6, 6)``, from gradients on both sides of their bases.
+
+        Where the narrow directions of the ridge are at ``b(u)`` for a motion ``u`` along the wide ones, the gradient in
+        them is ``H b(u)`` more than at the base, and ``b(u)`` is even. So the sum of the gradients at ``u`` and ``-u``
+        is ``2 H b(u)`` more than twice that at the base.
+
+        Args:
+            bases: bases of the components ``(C,)``.
+            states: slopes of the other states ``(C, D, 6)``.
             axes: their axes, as wide as the density is high.
-            wide: axes along the ridge ``(m, 6)``.
+            wide: axes along the ridge ``(C, 6)``.
         """
         objective, wide = self.objective, wide & (np.cumsum(wide[:, ::-1], axis=1)[:, ::-1] <= POSE_DOF // 2)
         steps = axes.scaled  # rows are one width along each axis
         first, second = np.triu_indices(6)
         u = np.where((first == second)[:, None], steps[:, first], steps[:, first] + steps[:, second])
-        u = np.stack([u, -u], axis=1).reshape(len(which), -1, 6)
-        owners, x = np.repeat(which, u.shape[1]), np.ascontiguousarray(u.reshape(-1, 6))
-        zs = np.ascontiguousarray(self._regressed(owners, x))
-        slopes = _core.slopes(objective.prepared.shape, objective.core, self._placed(owners, x), zs)[1]
-        full = objective.regular(self.peaks.information[which])
-        gradients = slopes.reshape(len(which), 2, len(first), -1).sum(axis=1)
+        u = np.concatenate([u, -u, np.zeros((len(bases), 1, 6))], axis=1)
+        which, x = np.repeat(np.arange(len(bases)), u.shape[1]), np.ascontiguousarray(u.reshape(-1, 6))
+        zs = np.ascontiguousarray(self._regressed(bases, states, which, x))
+        there = self._placed(bases, which, x)
+        slopes = _core.slopes(objective.prepared.shape, objective.core, there, zs)[1].reshape(*u.shape[:2], -1)
+        full = objective.regular(bases.information)
+        gradients = slopes[:, :-1].reshape(len(bases), 2, len(first), -1).sum(axis=1) - 2 * slopes[:, -1:]
         others = np.linalg.solve(full[:, 6:, 6:], np.swapaxes(gradients[..., 6:], 1, 2))
         gradients = gradients[..., :6] - np.swapaxes(full[:, :6, 6:] @ others, 1, 2)
-        out, H = np.zeros((len(which), 6, 6, 6)), objective.of_pose(self.peaks.information[which])
+        out, H = np.zeros((len(bases), 6, 6, 6)), objective.of_pose(bases.information)
         for k in np.flatnonzero(wide.any(axis=1)):
             narrow = axes.vectors[k][:, ~wide[k]] * axes.size[:, None]
             off = 0.5 * gradients[k] @ narrow @ np.linalg.inv(narrow.T @ H[k] @ narrow) @ narrow.T
@@ -250,38 +356,34 @@ class Sampler:
             out[k] = np.einsum("abi,ja,kb->ijk", form, dual, dual)
         return out
 
-    def _bent(self, owners: IntArray, x: FloatArray) -> FloatArray:
-        """Return motions from maxima ``(N, 6)`` of straight ones."""
-        return np.asarray(x + np.einsum("nijk,nj,nk->ni", self.bends[owners], x, x))
-
     def offsets(self, k: int, Ts: Transforms) -> FloatArray:
         """Return the straight motions from a maximum to poses ``(N, 6)``."""
         x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(Ts), self.objective.prepared.shape.centre)
         return np.asarray(x - np.einsum("ijk,nj,nk->ni", self.bends[k], x, x))
 
-    def _placed(self, owners: IntArray, x: FloatArray) -> Transforms:
-        """Return poses after straight motions ``(N, 6)`` from maxima."""
-        bent, centre = np.ascontiguousarray(self._bent(owners, x)), self.objective.prepared.shape.centre
-        return _core.place(np.ascontiguousarray(self.peaks.Ts[owners]), bent, centre)
+    def _placed(self, bases: Peaks, which: IntArray, x: FloatArray) -> Transforms:
+        """Return poses after motions ``(N, 6)`` from some of the bases."""
+        centre = self.objective.prepared.shape.centre
+        return _core.place(np.ascontiguousarray(bases.Ts[which]), np.ascontiguousarray(x), centre)
 
-    def _regressed(self, owners: IntArray, x: FloatArray) -> FloatArray:
-        """Return the other states after straight motions ``(N, D)`` by linear regression."""
-        from_peaks, steps = self.peaks.zs[owners], np.einsum("nij,nj->ni", self._slopes[owners], x)
-        zs = np.asarray(from_peaks + steps)
+    def _regressed(self, bases: Peaks, slopes: FloatArray, which: IntArray, x: FloatArray) -> FloatArray:
+        """Return the other states after motions ``(N, D)`` from some of the bases, by linear regression."""
+        from_bases, steps = bases.zs[which], np.einsum("nij,nj->ni", slopes[which], x)
+        zs = np.asarray(from_bases + steps)
         if (amounts := np.flatnonzero(self.objective.problem.points.one_sided)).size:
-            zs[:, amounts] = stepped_amounts(from_peaks[:, amounts], steps[:, amounts])
+            zs[:, amounts] = stepped_amounts(from_bases[:, amounts], steps[:, amounts])
         return zs
 
-    def _followed(self, owners: IntArray, x: FloatArray) -> FloatArray:
-        """Return the other states after straight motions ``(N, D)``, the start values of their integration.
+    def _followed(self, bases: Peaks, slopes: FloatArray, which: IntArray, x: FloatArray) -> FloatArray:
+        """Return the other states after motions ``(N, D)`` from some of the bases, to start their integration.
 
-        The noise scale is that of the squared residuals there, which grow with the squared distance from the maximum.
+        The noise scale is that of the squared residuals there, which grow with the squared distance from the base.
         """
-        zs = self._regressed(owners, x)
+        zs = self._regressed(bases, slopes, which, x)
         if (sd := self.objective.problem.scale_sd) > 0:
-            full = self.peaks.information
-            squares = np.einsum("ni,nij,nj->n", x, self.objective.of_pose(full)[owners], x) - POSE_DOF
-            ratio = 2 * sd**2 * squares / np.maximum(full[owners, -1, -1], 1.0)  # to the sum of squared residuals
+            full = bases.information
+            squares = np.einsum("ni,nij,nj->n", x, self.objective.of_pose(full)[which], x) - POSE_DOF
+            ratio = 2 * sd**2 * squares / np.maximum(full[which, -1, -1], 1.0)  # to the sum of squared residuals
             zs[:, -1] += np.log1p(np.maximum(ratio, -0.5)) / (2 * sd)
         return zs
 
@@ -291,7 +393,13 @@ class Sampler:
         A sample far below the maximum of its component is not of its region. Such poses, where readings are outliers,
         are many, but a component hardly reaches them: one sample would have more weight than all others.
         """
-        log_q, self.shares = self._mixture.log_density(self.peaks.Ts, self.bends, self.Ts)
+        (n, first), m = self._weighed, len(self.peaks)
+        old = self._log_mixture, self.shares
+        if n and first < len(self._mixture):
+            old = joined(*old, *self._mixture.log_density(self.Ts[:n], m, first))
+        log_new, of_new = self._mixture.log_density(self.Ts[n:], m)
+        log_q, self.shares = np.concatenate([old[0], log_new]), np.concatenate([old[1], of_new])
+        self._log_mixture, self._weighed = log_q, (len(self.Ts), len(self._mixture))
         self.shares[self.shares < _NEGLIGIBLE_SHARE] = 0.0
         least = self._tops[np.argmax(self.shares, axis=1)] - 2 * self.objective.problem.settings.search.drop_gap
         ok = np.isfinite(self.log_target) & np.isfinite(log_q) & ~(self.log_target < least)
@@ -299,16 +407,20 @@ class Sampler:
         self.log_density, self._masses = np.where(np.isfinite(log_q), log_q, np.inf), None
 
     def adapt(self, which: IntArray, top: float) -> None:
-        """Fit components to the weighted samples of their maxima.
+        """Fit components to the weighted samples of their maxima, or replace them by pieces if few samples count.
 
         Args:
             which: indices of the components.
             top: log of the unit of the weights.
         """
-        w = self.weights(top)
+        w, counts = self.weights(top), self.counts()
         for k in which:
             rows = np.flatnonzero(self.shares[:, k] > 1e-3)
             own = w[rows] * self.shares[rows, k]
+            enough = counts[k] >= self.settings.shape and own.sum() > 0
+            if self.in_pieces[k] or (enough and own.sum() ** 2 < self.settings.whole * counts[k] * (own @ own)):
+                self.in_pieces[k] = True
+                continue
             own = np.minimum(own, max(own.sum() / self.settings.clip, 1e-300))
             total = own.sum()
             if not total > 0:
@@ -332,7 +444,7 @@ class Sampler:
         """
         mass = float(self.peaks.evidence[k]) + self.log_constant - float(self.log_weights.max())
         few = self.counts()[k] < self.settings.shape  # they do not cover a normal density
-        if few or self.bends[k].any() or not abs(mass) < _COMPARABLE:
+        if few or self.in_pieces[k] or self.bends[k].any() or not abs(mass) < _COMPARABLE:
             return ControlVariate.alone(weights, self.settings)
         H = self.objective.of_pose(self.peaks.information[k][None])[0]
         near = np.flatnonzero(self.shares[:, k])
@@ -382,3 +494,8 @@ class Sampler:
             x = self.offsets(k, self.Ts[rows] if turn is None else self.Ts[rows] @ turn)
             out = np.minimum(out, np.sum((x @ information) * x, axis=1))
         return out
+
+
+def _bent(bends: FloatArray, which: IntArray, x: FloatArray) -> FloatArray:
+    """Return motions ``(N, 6)`` from some bases of straight ones."""
+    return np.asarray(x + np.einsum("nijk,nj,nk->ni", bends[which], x, x))

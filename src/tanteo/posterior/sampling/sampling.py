@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, IntArray
-from tanteo.posterior.sampling.modes import groups_of, with_common_samples
+from tanteo.posterior.sampling.modes import common_samples, regions_of
 from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.posterior.settings import POSE_DOF
 from tanteo.threads import for_each
@@ -32,7 +32,7 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
     logs = [s.peaks.evidence + s.log_constant - total for s in samplers]
     wants = _first(samplers, logs, shaped=fixed)
     rounds = 0 if not samplers else samplers[0].settings.rounds if fixed else samplers[0].settings.few_rounds
-    count = 0
+    count, P = 0, np.nan
     for k in itertools.count():
         for_each(lambda one: one[0].sample(one[1]), zip(samplers, wants, strict=True))
         if k == 0:
@@ -46,7 +46,8 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
         total = float(log_sum([log_none, *(float(log_sum(m)) for m, _ in masses)]))
         own = samplers[0].settings
         shaped = fixed and max(float(m.max(initial=-np.inf)) for m, _ in masses) > total + np.log(0.5)
-        needs, sd = _needs_of_probability(samplers, masses, total)
+        before_P, (needs, sd, P) = P, _needs_of_probability(samplers, masses, total)
+        sd = np.inf if abs(P - before_P) > 2 * own.probability_sd else sd  # samples found what none had shown
         heaviest = max(float(s.log_weights.max(initial=-np.inf)) for s in samplers) - total
         sd = np.inf if heaviest > np.log(own.min_fraction) else sd  # one sample is no estimate
         rounds = own.rounds if (shaped and fixed) or sd > own.probability_sd else min(rounds, own.few_rounds)
@@ -59,26 +60,35 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
 
 def _needs_of_probability(
     samplers: Sequence[Sampler], masses: Sequence[tuple[FloatArray, FloatArray]], total: float
-) -> tuple[list[FloatArray], float]:
-    """Return the effective samples that the probability of the best mode needs, and its standard deviation.
+) -> tuple[list[FloatArray], float, float]:
+    """Return the effective samples that the probabilities of the best mode and part need, and their largest error.
 
-    With relative variance ``1 / ess`` of each mass, the probability ``P`` of the best mode ``B`` has the variance
+    With relative variance ``1 / ess`` of each mass, the probability ``P`` of a set ``B`` of maxima has the variance
     ``sum_k a_k^2 / ess_k``, where ``a_k = p_k (1 - P)`` for its maxima and ``a_k = p_k P`` for all others. The fewest
     effective samples for a standard deviation ``s`` are ``a_k sum(a) / s^2`` (Neyman 1934).
+
+    Returns:
+        Effective samples of the maxima of each part; standard deviation of the less exact probability; probability of
+        the best part.
     """
-    best, P = (0, np.zeros(0, dtype=np.int64)), 0.0
-    for i, (sampler, (log_mass, _)) in enumerate(zip(samplers, masses, strict=True)):
-        for rows in groups_of(with_common_samples(sampler)) if np.isfinite(log_mass).any() else ():
-            own = float(np.exp(log_mass[rows] - total).sum())
-            best, P = ((i, rows), own) if own > P else (best, P)
-    weights = [np.exp(log_mass - total) * P for log_mass, _ in masses]
-    weights[best[0]][best[1]] *= (1 - P) / max(P, 1e-300)
-    variance = sum(
-        float(np.sum(np.square(a) / np.maximum(ess, 1.0))) for a, (_, ess) in zip(weights, masses, strict=True)
-    )
-    limit = samplers[0].settings.probability_sd
-    scale = sum(float(a.sum()) for a in weights) / limit**2
-    return [scale * a for a in weights], float(np.sqrt(variance))
+    p = [np.exp(log_mass - total) for log_mass, _ in masses]
+    part = int(np.argmax([float(one.sum()) for one in p]))
+    mode, most = (part, np.zeros(0, dtype=np.int64)), 0.0
+    for i, (sampler, own) in enumerate(zip(samplers, p, strict=True)):
+        for rows in regions_of(sampler, common_samples(sampler)) if own.sum() > most else ():
+            mode, most = ((i, rows), float(own[rows].sum())) if own[rows].sum() > most else (mode, most)
+    limit, sd, needs = samplers[0].settings.probability_sd, 0.0, [np.zeros(len(one)) for one in p]
+    for i, rows in ((part, np.arange(len(p[part]))), mode):
+        P = float(p[i][rows].sum())
+        a = [one * P for one in p]
+        a[i][rows] *= (1 - P) / max(P, 1e-300)
+        errors = [float(np.sum(np.square(b) / np.maximum(ess, 1.0))) for b, (_, ess) in zip(a, masses, strict=True)]
+        scale = sum(float(b.sum()) for b in a) / limit**2
+        sd, needs = (
+            max(sd, float(np.sqrt(sum(errors)))),
+            [np.maximum(n, scale * b) for n, b in zip(needs, a, strict=True)],
+        )
+    return needs, sd, float(p[part].sum())
 
 
 def _first(samplers: Sequence[Sampler], logs: Sequence[FloatArray], *, shaped: bool) -> list[IntArray]:
@@ -170,10 +180,13 @@ def _wanted(
         return own.more * (np.arange(len(p)) == np.argmax(sampler.peaks.evidence))
     if sampler.local.any():
         return _wanted_along(sampler, p)
+    if not shape:
+        return _wanted_in_pieces(sampler, p, float(least.sum()))
     need = np.clip(2 * own.enough * p, own.shape, own.enough) * (p > own.min_probability)
-    need = np.maximum(need, least) if shape else least
+    need = np.maximum(need, least)
     worth = np.clip(ess / np.maximum(sampler.counts(), 1), 1 / own.most, 1)  # effective samples for each drawn
-    want = np.where(ess < need, np.clip((need - ess) / worth, *limits), 0).astype(np.int64)
+    most = np.where(sampler.in_pieces, own.rounds, 1) * limits[1]
+    want = np.where(ess < need, np.clip((need - ess) / worth, limits[0], most), 0).astype(np.int64)
     alone = sampler.unexplained() if want.any() or p.sum() > own.min_fraction else np.zeros(0, dtype=np.int64)
     if not want.any() and not len(alone):
         return want
@@ -185,6 +198,24 @@ def _wanted(
     if len(new):
         sampler.add(new)
         want = np.concatenate([want, np.full(len(new), limits[1])])
+    return want
+
+
+def _wanted_in_pieces(sampler: Sampler, p: FloatArray, need: float) -> IntArray:
+    """Return the number of further samples of each maximum, all in pieces of ridges, by its mass.
+
+    Args:
+        sampler: sampler of a part.
+        p: probability of each maximum ``(m,)``.
+        need: effective number of samples of the part that the probabilities need.
+    """
+    w, own = sampler.weights(float(sampler.log_weights.max())), sampler.settings
+    ess = float(w.sum() ** 2 / (w @ w))
+    if ess >= need:
+        return np.zeros(len(p), dtype=np.int64)
+    count = np.clip((need - ess) * len(w) / ess, own.first, own.rounds * own.more)
+    want = np.round(count * p / p.sum() / own.piece).astype(np.int64) * own.piece
+    sampler.in_pieces |= want > 0
     return want
 
 

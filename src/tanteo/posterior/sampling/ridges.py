@@ -1,0 +1,135 @@
+"""Paths between maxima along bent ridges of the posterior of one part.
+
+Few measurements leave motions of the part free, and the poses that these lead to are a bent ridge of high density with
+several maxima. A straight path between two of them leaves the ridge. Here the points of a path climb to the ridge
+across the path (string method, E, Ren and Vanden-Eijnden 2002), and the path is refined where it is still bent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.posterior.sampling.peaks import Objective
+from tanteo.posterior.settings import POSE_DOF
+
+_REFINEMENTS = 3
+"""Numerical: number of times that the steps of a path are halved; a bend then falls the density by 4^6 times less."""
+
+_CLIMBS = 8
+"""Numerical: Newton steps of a point of the path to its ridge."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Paths:
+    """Paths between pairs of poses of one part, with the other states along them.
+
+    Attributes:
+        objective: the part and the problem.
+        Ts: poses of the points of each path, its ends included ``(P, K, 4, 4)``.
+        zs: other states there ``(P, K, D)``.
+    """
+
+    objective: Objective
+    Ts: Transforms
+    zs: FloatArray
+
+    def take(self, rows: BoolArray | IntArray) -> Paths:
+        """Return some of the paths."""
+        return Paths(self.objective, self.Ts[rows], self.zs[rows])
+
+    def halved(self) -> Paths:
+        """Return the paths with a further point in the middle of each step."""
+        Ts, zs = self.Ts, self.zs
+        half = 0.5 * SE3.log(SE3.inverse(Ts[:, :-1]) @ Ts[:, 1:])
+        between = Ts[:, :-1] @ SE3.exp(half)
+        count = 2 * Ts.shape[1] - 1
+        new, others = np.empty((len(Ts), count, 4, 4)), np.empty((len(Ts), count, zs.shape[2]))
+        new[:, ::2], new[:, 1::2] = Ts, between
+        others[:, ::2], others[:, 1::2] = zs, 0.5 * (zs[:, :-1] + zs[:, 1:])
+        return Paths(self.objective, new, others)
+
+    def lower_end(self) -> FloatArray:
+        """Return the log density at the lower end of each path ``(P,)``."""
+        return self._logs(np.arange(0, self.Ts.shape[1], self.Ts.shape[1] - 1)).min(axis=1)
+
+    def lowest(self) -> FloatArray:
+        """Return the smallest log density at the inner points of each path ``(P,)``."""
+        return self._logs(np.arange(1, self.Ts.shape[1] - 1)).min(axis=1)
+
+    def _logs(self, at: IntArray) -> FloatArray:
+        """Return log densities at some points of each path, the other states integrated out ``(P, len(at))``."""
+        Ts, zs = self.Ts[:, at].reshape(-1, 4, 4), self.zs[:, at].reshape(-1, self.zs.shape[2])
+        return self._integrated(Ts, zs)[0].reshape(len(self.Ts), len(at))
+
+    def _integrated(self, Ts: Transforms, zs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        shape = self.objective.prepared.shape
+        return _core.marginals(shape, self.objective.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs))
+
+    def climbed(self) -> Paths:
+        """Return the paths after their inner points have climbed across the path, in steps of Levenberg-Marquardt."""
+        objective, shape = self.objective, self.objective.prepared.shape
+        unit = np.r_[np.ones(3), np.full(3, 4 / shape.diagonal)]  # turns as shifts of the rim
+        P, D = len(self.Ts), self.zs.shape[2]
+        Ts, zs = self.Ts.copy(), self.zs.copy()
+        at, damping = np.ascontiguousarray(Ts[:, 1:-1].reshape(-1, 4, 4)), np.full(P * (Ts.shape[1] - 2), 1e-3)
+        log, others = self._integrated(at, zs[:, 1:-1].reshape(-1, D))
+        for _ in range(_CLIMBS):
+            Ts[:, 1:-1] = at.reshape(P, -1, 4, 4)
+            chord = self._motions(Ts[:, 1:-1], Ts[:, 2:]) - self._motions(Ts[:, 1:-1], Ts[:, :-2])
+            chord = chord.reshape(-1, 6) / unit
+            length = np.linalg.norm(chord, axis=1).clip(1e-300)
+            across = unit[:, None] * _complement(chord / length[:, None])
+            _, gradient, information = _core.slopes(shape, objective.core, at, others)
+            back = np.swapaxes(across, 1, 2)
+            H = back @ objective.of_pose(information) @ across
+            diagonal = np.arange(POSE_DOF - 1)
+            H[:, diagonal, diagonal] *= 1 + damping[:, None]
+            step = np.linalg.solve(H, back @ gradient[:, :POSE_DOF, None])[..., 0]
+            far = np.linalg.norm(step, axis=1) / (0.25 * length)
+            x = (across @ (step / np.maximum(far, 1.0)[:, None])[..., None])[..., 0]
+            moved = _core.place(at, np.ascontiguousarray(x), shape.centre)
+            there, followed = self._integrated(moved, others)
+            better = there > log
+            at, others = np.where(better[:, None, None], moved, at), np.where(better[:, None], followed, others)
+            log, damping = np.maximum(there, log), np.where(better, 0.1 * damping, 10 * damping)
+        Ts[:, 1:-1], zs[:, 1:-1] = at.reshape(P, -1, 4, 4), others.reshape(P, -1, D)
+        return Paths(objective, Ts, zs)
+
+    def _motions(self, bases: Transforms, Ts: Transforms) -> FloatArray:
+        """Return motions about the centre of the part from poses to others ``(P, K, 6)``."""
+        middle = np.eye(4)
+        middle[:3, 3] = self.objective.prepared.shape.centre
+        return SE3.log(SE3.inverse(bases @ middle) @ (Ts @ middle))
+
+
+def follow(paths: Paths, least: FloatArray) -> BoolArray:
+    """Return which of some straight paths lead along a ridge whose log density is nowhere below a limit ``(P,)``.
+
+    Args:
+        paths: straight paths, of the two ends or with points between.
+        least: limit of each path ``(P,)``.
+    """
+    out, left = np.zeros(len(least), dtype=np.bool_), np.arange(len(least))
+    for _ in range(_REFINEMENTS):
+        if not len(left):
+            break
+        paths = paths.climbed()
+        high = paths.lowest() > least[left]
+        paths, left = paths.take(high).halved(), left[high]
+        done = paths.lowest() > least[left]
+        out[left[done]] = True
+        paths, left = paths.take(~done), left[~done]
+    return out
+
+
+def _complement(unit: FloatArray) -> FloatArray:
+    """Return orthonormal vectors across unit vectors, as columns ``(N, 6, 5)``: those of a Householder reflection."""
+    v = unit.copy()
+    v[:, 0] += np.where(unit[:, 0] < 0, -1.0, 1.0)
+    reflected = np.eye(6) - 2 * v[:, :, None] * v[:, None] / np.sum(v * v, axis=1)[:, None, None]
+    return np.asarray(reflected[:, :, 1:], dtype=np.float64)
