@@ -14,8 +14,8 @@ from tanteo.factors import FreeRays, as_contact_points
 from tanteo.geometry import SE3
 from tanteo.posterior import Priors, Problem, identify_points, prepare
 from tanteo.posterior.part_search import start_search
-from tanteo.posterior.sampling.mixture import Mixture
 from tanteo.posterior.sampling.peaks import Peaks, log_missed
+from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.posterior.settings import DEFAULTS
 from tanteo.sensors import measure
 
@@ -61,16 +61,16 @@ def test_seeds_agree_where_touches_are_few():
 def test_rounds_of_samples_follow_while_they_are_inexact(monkeypatch):
     """Samples for a standard deviation of 0.005 are 9 times those for 0.05, and 5 times if no round is added."""
     parts = [prepare(tanteo.read_part(EXAMPLES / f"{n}.step")) for n in ("block", "bracket_left", "housing")]
-    rng, drawn, add = np.random.default_rng(0), [0, 0], Mixture.add
+    rng, drawn, draw = np.random.default_rng(0), [0, 0], Sampler.sample
     points = SE3.apply(box_centred_pose(rng), surface_points(parts[0], 5, rng)[0]) + SD * rng.normal(size=(5, 3))
     touches = as_contact_points(measure(tanteo.Readings.from_columns(points=points, sds=np.full(5, SD))))
     for k, sd in enumerate((0.05, 0.005)):
 
-        def counted(mixture, *components, k=k):
-            drawn[k] += int(components[-1].sum())
-            add(mixture, *components)
+        def counted(sampler, counts, k=k):
+            drawn[k] += int(counts.sum())
+            draw(sampler, counts)
 
-        monkeypatch.setattr(Mixture, "add", counted)
+        monkeypatch.setattr(Sampler, "sample", counted)
         settings = replace(DEFAULTS, samples=replace(DEFAULTS.samples, probability_sd=sd))
         identify_points(touches, FreeRays.none(), parts, settings=settings)
     assert drawn[1] > 7 * drawn[0], drawn

@@ -271,13 +271,12 @@ class SampleSettings:
             tracked; probability of all pruned parts over that of the best that a bound allows. Decision 76.
         region: fraction of a part's mass from which a region is compared with a normal density; probability from which
             ridges are sampled.
-        min_fraction: fraction of the samples, or of the variance by curvature, below which neither counts;
+        min_fraction: fraction of the samples, or of the variance by curvature, below which neither counts; effective
+            samples for each drawn below which a component is replaced by pieces;
             fraction of common samples from which two modes are one. Flat from 0.03 to 0.3: ``python benchmarks/sweep.py
             samples.min_fraction 0.03 0.1 0.3 --rows touch=16 prior=16``.
         clip: largest weight of a sample while components adapt, as one over this number of all. Flat from 5 to 60:
             ``python benchmarks/sweep.py samples.clip 5 15 60 --rows touch=16 prior=16``.
-        piece: number of samples of a piece of a ridge.
-        whole: effective samples for each drawn below which a component is replaced by pieces.
         barrier: fall of the log density between two maxima of one region [nats], less than to the border of a region
             of two standard deviations in six directions. ``python benchmarks/sweep.py
             samples.barrier 0 3 9 --rows touch=16 prior=16``.
@@ -303,8 +302,6 @@ class SampleSettings:
     region: float = 1e-3
     min_fraction: float = 0.1
     clip: int = 15
-    piece: int = 32
-    whole: float = 0.1
     barrier: float = 3.0
     path_steps: int = 4
     edge_sd: float = 0.05
@@ -331,7 +328,7 @@ class SampleSettings:
 
     @property
     def heaviest(self) -> int:
-        """Number of samples for fitted widths; number of samples of largest weight that are compared."""
+        """Number of samples for fitted widths, and of a piece of a ridge; number of samples of largest weight that are compared."""
         return self.first // 2
 
 

@@ -2,5 +2,6 @@ from . import control_variate as control_variate
 from . import covariances as covariances
 from . import modes as modes
 from . import peaks as peaks
+from . import ridges as ridges
 from . import sampler as sampler
 from . import widths as widths

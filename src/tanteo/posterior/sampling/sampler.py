@@ -194,7 +194,7 @@ class Sampler:
         Returns:
             Poses, other states and log densities.
         """
-        w, size = self.weights(float(self.log_weights.max())), self.settings.piece
+        w, size = self.weights(float(self.log_weights.max())), self.settings.heaviest
         nearest, rows, times, owners = np.argmax(self.shares, axis=1), [], [], []
         for k, count in zip(which, counts, strict=True):
             own = np.where(nearest == k, w, 0.0)
@@ -418,7 +418,7 @@ class Sampler:
             rows = np.flatnonzero(self.shares[:, k] > 1e-3)
             own = w[rows] * self.shares[rows, k]
             enough = counts[k] >= self.settings.shape and own.sum() > 0
-            if self.in_pieces[k] or (enough and own.sum() ** 2 < self.settings.whole * counts[k] * (own @ own)):
+            if self.in_pieces[k] or (enough and own.sum() ** 2 < self.settings.min_fraction * counts[k] * (own @ own)):
                 self.in_pieces[k] = True
                 continue
             own = np.minimum(own, max(own.sum() / self.settings.clip, 1e-300))

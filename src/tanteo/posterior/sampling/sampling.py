@@ -214,7 +214,7 @@ def _wanted_in_pieces(sampler: Sampler, p: FloatArray, need: float) -> IntArray:
     if ess >= need:
         return np.zeros(len(p), dtype=np.int64)
     count = np.clip((need - ess) * len(w) / ess, own.first, own.rounds * own.more)
-    want = np.round(count * p / p.sum() / own.piece).astype(np.int64) * own.piece
+    want = np.round(count * p / p.sum() / own.heaviest).astype(np.int64) * own.heaviest
     sampler.in_pieces |= want > 0
     return want
 
