@@ -328,7 +328,7 @@ class SampleSettings:
 
     @property
     def heaviest(self) -> int:
-        """Number of samples for fitted widths, and of a piece of a ridge; number of samples of largest weight that are compared."""
+        """Number of samples for fitted widths, of a piece of a ridge, and of largest weight that are compared."""
         return self.first // 2
 
 
