@@ -148,7 +148,8 @@ def components(rng, spread):
 def mixed(Ts, bases, bends, owners, means, covs, log_weights, freedom, centre):
     L = np.linalg.cholesky(covs)
     log = log_weights - np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
-    return _core.mixture(np.ascontiguousarray(Ts), bases, bends, owners, means, np.linalg.inv(L), log, freedom, centre)
+    poses, inverse = np.ascontiguousarray(Ts), np.linalg.inv(L)
+    return _core.mixture(poses, bases[owners], bends[owners], owners, 2, means, inverse, log, freedom, centre)
 
 
 def test_the_mixture_is_one_of_student_densities():

@@ -250,6 +250,7 @@ def test_a_mixture_without_components_is_no_density():
         np.zeros((0, 4, 4)),
         np.zeros((0, 6, 6, 6)),
         np.zeros(0, np.int32),
+        0,
         np.zeros((0, 6)),
         np.zeros((0, 6, 6)),
         np.zeros(0),

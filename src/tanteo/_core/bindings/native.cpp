@@ -472,7 +472,7 @@ std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Doubles bends, Ints owne
                              Doubles log_weights, double freedom, Doubles centre) {
     const std::vector<Pose> all = poses(Ts), at = poses(bases, "bases");
     const size_t C = at.size();
-    expect(m, "m", 1, 1e9);
+    expect(m, "m", 0, 1e9);
     expect(bends, "bends", {C, 6, 6, 6});
     const std::vector<int> owner = expect(owners, "owners", C, 0, int64_t(m) - 1);
     expect(means, "means", {C, 6});
