@@ -71,6 +71,7 @@ class Likelihood {
     double blur = 0, blur_turn = 0;  // added to the noise of places [m] and directions [rad]: coarse to fine
     std::vector<double> gradient, information;
     double log_points = 0;  // log density of the factors alone
+    double log_pose = 0;    // of the pose priors: its normal densities, and its height over tables
     std::vector<double> of_points;  // information of the factors alone, if the noise scale is a state
     double scaled_share = 0;        // fraction of their variance that the noise scale multiplies
     std::vector<Evaluated> evaluated;

@@ -62,9 +62,9 @@ double Likelihood::add_priors(const State& state, bool with_slope) {
             information.back() += std::max(0.75 * z * z, LEAST_INFORMATION);
         }
     }
-    if (!problem.priors.empty()) log += add_pose_prior(state.pose, with_slope);
-    for (const Table& table : problem.tables) log += add_table(table, state.pose, with_slope);
-    return log;
+    log_pose = problem.priors.empty() ? 0 : add_pose_prior(state.pose, with_slope);
+    for (const Table& table : problem.tables) log_pose += add_table(table, state.pose, with_slope);
+    return log + log_pose;
 }
 
 // Adds residuals r with a weight, and their derivatives by small motions of the part: rows by v and w at the centre.

@@ -210,6 +210,7 @@ namespace {
 // The log density at a state, its gradient and information over the states from the first on.
 void linearize(Likelihood& likelihood, const State& state, int first, Linear& out) {
     out.value = likelihood.at(state, true);
+    out.of_pose_prior = likelihood.log_pose;
     const int K = static_cast<int>(likelihood.gradient.size()), D = K - first;
     out.gradient.assign(likelihood.gradient.begin() + first, likelihood.gradient.end());
     out.information.resize(static_cast<size_t>(D) * D);
@@ -323,10 +324,11 @@ std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, co
                 ascend(likelihood, shape, problem, blur, most, gain, maxima[k]);
             };
         });
+        const auto rank = [most](const Linear& at) { return at.value - (most > 0 ? 0 : at.of_pose_prior); };
         double best = -1e300;
-        for (const Maximum& maximum : maxima) best = std::max(best, maximum.at.value);
+        for (const Maximum& maximum : maxima) best = std::max(best, rank(maximum.at));
         maxima.erase(std::remove_if(maxima.begin(), maxima.end(),
-                                    [&](const Maximum& maximum) { return !(maximum.at.value >= best - gap); }),
+                                    [&](const Maximum& maximum) { return !(rank(maximum.at) >= best - gap); }),
                      maxima.end());
         if (near > 0 && most > 0) unite(maxima, shape, near);
     };

@@ -27,7 +27,8 @@ std::vector<double> distances_at(const Shape& shape, const Problem& problem, con
 
 // The log density at a state, its gradient and information over some of the states.
 struct Linear {
-    double value = 0, scale_slope = 0;  // scale_slope: what the integral over other states adds to the last gradient
+    double value = 0, of_pose_prior = 0;  // of_pose_prior: the part of the value that the pose priors are
+    double scale_slope = 0;               // what the integral over other states adds to the last gradient
     std::vector<double> gradient, information;
 };
 
@@ -46,7 +47,8 @@ void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, 
 
 // Maximizations from all starts, with blurred noise first. After each level, and after a few steps of the last one, maxima
 // below the best by more than a margin are dropped, and those nearer to a better one than `near`, a squared distance in
-// standard deviations of its information.
+// standard deviations of its information. Before the first step the measurements alone are compared: a tight prior, which is
+// not blurred, contradicts every start that was made without it, and the first step goes to the prior.
 std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, const std::vector<State>& starts,
                              const std::vector<double>& blurs, int steps, double enough, double margin, double near = 0);
 
