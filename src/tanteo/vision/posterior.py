@@ -15,7 +15,7 @@ import numpy as np
 from tanteo.factors import ContactPoints, FreeRays
 from tanteo.geometry import SE3
 from tanteo.geometry.special import log_sum
-from tanteo.geometry.typing import FloatArray, Transforms
+from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Part
 from tanteo.posterior import (
     DEFAULTS,
@@ -149,9 +149,9 @@ def corrected(
         for members in _near(part, Ts, wanted):
             mass = float(log_sum([own[k].log_mass for k in members])) - prior
             more, best = mass - wanted[members[0]], members[0]
-            near = [k for k, T in enumerate(at) if _are_near(part, Ts[best], T)]
+            near = _are_near(part, Ts[best], at)
             constants[near] += more
-            if not near:
+            if not near.any():
                 taken = float(first.there[best] + first.located[best] - first.log[best])
                 further = _images(part, Ts[best][None], np.array([taken + more]))
                 at, constants = np.concatenate([at, further[0]]), np.append(constants, further[1])
@@ -228,22 +228,22 @@ def _images(part: Part, Ts: Transforms, levels: FloatArray) -> tuple[Transforms,
 def _near(part: Part, Ts: Transforms, log: FloatArray) -> list[list[int]]:
     """Return groups of poses near one another, the most probable of each first."""
     groups: list[list[int]] = []
-    for k in np.argsort(-log, kind="stable"):
-        for members in groups:
-            if _are_near(part, Ts[members[0]], Ts[k]):
-                members.append(int(k))
-                break
-        else:
-            groups.append([int(k)])
+    left = np.argsort(-log, kind="stable")
+    while len(left):
+        own = _are_near(part, Ts[left[0]], Ts[left])
+        own[0] = True
+        groups.append(left[own].tolist())
+        left = left[~own]
     return groups
 
 
-def _are_near(part: Part, T: Transforms, other: Transforms) -> bool:
-    """Return whether two poses are one that the image suggests."""
-    gap = SE3.inverse(T) @ other
-    shift = float(np.linalg.norm(SE3.apply(gap, part.centroid) - part.centroid))
-    turn = float(np.linalg.norm(gap[:3, :3] - np.eye(3)))  # 2 sqrt(2) times the sine of half the turn
-    return shift < EVIDENCE.same_pose * part.diagonal and turn < np.sqrt(8) * np.sin(EVIDENCE.same_turn / 2)
+def _are_near(part: Part, T: Transforms, others: Transforms) -> BoolArray:
+    """Return which of other poses ``(k, 4, 4)`` are one with a pose that the image suggests ``(k,)``."""
+    gaps = SE3.inverse(T) @ others
+    shifts = np.linalg.norm(SE3.apply(gaps, part.centroid) - part.centroid, axis=-1)
+    turns = np.linalg.norm(gaps[:, :3, :3] - np.eye(3), axis=(1, 2))  # 2 sqrt(2) times the sine of half the turn
+    near = shifts < EVIDENCE.same_pose * part.diagonal
+    return np.asarray(near & (turns < np.sqrt(8) * np.sin(EVIDENCE.same_turn / 2)))
 
 
 def infer(

@@ -87,6 +87,48 @@ std::vector<Run> runs_of(const std::vector<int64_t>& from, const std::vector<Pix
     return runs;
 }
 
+// The cells of the tables that drawings at positions reach, as whole numbers whose sums over all samples fit into 16 bits.
+// They rank the positions; the best ones are evaluated exactly.
+struct Ranks {
+    Ranks(const SlideTables& t, const std::vector<int64_t>& from, const std::vector<std::vector<int64_t>>& drawings,
+          int samples)
+        : tables(t) {
+        int64_t last_row = 0, last_column = 0, bottom = 0, right = 0;
+        row = column = top = left = INT64_MAX;
+        for (const int64_t cell : from) {
+            row = std::min(row, cell / t.columns), last_row = std::max(last_row, cell / t.columns);
+            column = std::min(column, cell % t.columns), last_column = std::max(last_column, cell % t.columns);
+        }
+        for (const std::vector<int64_t>& drawn : drawings)
+            for (const int64_t cell : drawn) {
+                const int64_t y = cell / t.columns % t.rows, x = cell % t.columns;
+                top = std::min(top, y), bottom = std::max(bottom, y), left = std::min(left, x), right = std::max(right, x);
+            }
+        if (from.empty() || top == INT64_MAX) return;
+        rows = last_row - row + bottom - top + 1;
+        columns = last_column - column + right - left + 1;
+        std::vector<float> reached;
+        for (int64_t c = 0; c < t.channels.count(); ++c)
+            for (int64_t y = 0; y < rows; ++y) {
+                const float* begin = t.distances + ((c * t.rows + row + top + y) * t.columns + column + left);
+                reached.insert(reached.end(), begin, begin + columns);
+            }
+        const double highest = std::max<double>(1e-9, *std::max_element(reached.begin(), reached.end()));
+        scale = std::max(std::floor(65535.0 / samples), 1.0) / highest;
+        for (const float cost : reached) costs.push_back(static_cast<uint16_t>(std::max(0.0f, cost) * scale + 0.5));
+    }
+    int64_t place(int64_t cell) const { return (cell / tables.columns - row) * columns + cell % tables.columns - column; }
+    int64_t offset(int64_t cell) const {
+        const int64_t y = cell / tables.columns;
+        return (y / tables.rows * rows + y % tables.rows - top) * columns + cell % tables.columns - left;
+    }
+
+    const SlideTables& tables;
+    int64_t row, column, top, left, rows = 0, columns = 0;  // first cells of positions and drawings, and the size
+    double scale = 1;
+    std::vector<uint16_t> costs;
+};
+
 bool cheaper(const Slid& a, const Slid& b) {
     return a.cost != b.cost ? a.cost < b.cost : (a.yaw != b.yaw ? a.yaw < b.yaw : a.place < b.place);
 }
@@ -141,27 +183,27 @@ int64_t SlideTables::cell_of(const Pixel& place) const {
 
 std::vector<Slid> slid(const EdgeFrame& frame, const Lens& lens, const std::vector<Pose>& yaws, const Vec3& centre,
                        const SlideTables& tables, const std::vector<Pixel>& places, const SlideRules& rules) {
+    std::vector<std::vector<int64_t>> drawings;
+    for (const Pose& yaw : yaws)
+        drawings.push_back(draw(frame, lens, yaw, project(lens, yaw.R * centre + yaw.t), tables, rules.samples));
     std::vector<int64_t> from;
     for (const Pixel& p : places) from.push_back(tables.cell_of(p));
-    const std::vector<Run> runs = runs_of(from, places);
-    // whole numbers whose sums over all samples fit into 16 bits rank the positions; the best ones are evaluated exactly
-    const int64_t size = tables.channels.count() * tables.rows * tables.columns;
-    double highest = 1e-9;
-    for (int64_t k = 0; k < size; ++k) highest = std::max<double>(highest, tables.distances[k]);
-    const double scale = std::max(std::floor(65535.0 / rules.samples), 1.0) / highest;
-    std::vector<uint16_t> costs(size), far;
-    for (int64_t c = 0; c < size; ++c) costs[c] = static_cast<uint16_t>(std::max(0.0f, tables.distances[c]) * scale + 0.5);
+    const Ranks ranks(tables, from, drawings, rules.samples);
+    std::vector<int64_t> in_ranks;
+    for (const int64_t cell : from) in_ranks.push_back(ranks.place(cell));
+    const std::vector<Run> runs = runs_of(in_ranks, places);
 
     Cheapest cheapest(EVALUATED * rules.keep);
-    std::vector<std::vector<int64_t>> drawings(yaws.size());
+    std::vector<uint16_t> far;
+    std::vector<int64_t> drawn;
     for (size_t yaw = 0; yaw < yaws.size(); ++yaw) {
-        const Pixel middle = project(lens, yaws[yaw].R * centre + yaws[yaw].t);
-        const std::vector<int64_t>& drawn = drawings[yaw] = draw(frame, lens, yaws[yaw], middle, tables, rules.samples);
-        const double unit = 1 / (scale * std::max<size_t>(drawn.size(), 1));
+        drawn.clear();
+        for (const int64_t offset : drawings[yaw]) drawn.push_back(ranks.offset(offset));
+        const double unit = 1 / (ranks.scale * std::max<size_t>(drawn.size(), 1));
         for (const Run& run : runs) {
-            sums_along(costs.data() + run.from, drawn, run.cells, far);
+            sums_along(ranks.costs.data() + run.from, drawn, run.cells, far);
             for (size_t k = 0; k < run.count; ++k) {
-                const double cost = unit * far[from[run.first + k] - run.from];
+                const double cost = unit * far[in_ranks[run.first + k] - run.from];
                 if (cost < cheapest.limit()) cheapest.add({static_cast<int>(yaw), static_cast<int>(run.first + k), cost});
             }
         }
