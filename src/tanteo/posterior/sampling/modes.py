@@ -79,7 +79,7 @@ def modes_of(sampler: Sampler, least: float = -np.inf) -> list[Mode]:
     sums = W.sum(axis=0)
     inside = _inside(sampler)
     together = (common_samples(sampler) | inside) & sampled & sampled[:, None]
-    together |= _in_one_valley(sampler, np.flatnonzero(sampled), together)
+    together |= _in_one_valley(sampler, np.flatnonzero(sampled), together, least)
     top, out = float(sampler.log_weights.max()), []
     curved = from_centre(sampler.objective, sampler.objective.of_pose(sampler.peaks.information))
     for rows in regions_of(sampler, together):
@@ -129,16 +129,17 @@ def regions_of(sampler: Sampler, together: BoolArray) -> list[IntArray]:
     return sorted((np.sort(one) for one in regions), key=lambda one: int(one[0]))
 
 
-def _in_one_valley(sampler: Sampler, rows: IntArray, together: BoolArray) -> BoolArray:
+def _in_one_valley(sampler: Sampler, rows: IntArray, together: BoolArray, mass: float) -> BoolArray:
     """Return which maxima a path joins that is nowhere much less dense than the lower of both ``(m, m)``.
 
-    A round face of facets has a maximum on each facet, but turns about it are one region. The paths between probable
-    maxima follow ridges that are bent.
+    A round face of facets has a maximum on each facet, but turns about it are one region. If there are enough
+    measurements for a pose, the paths between probable maxima follow ridges that are bent.
 
     Args:
         sampler: samples of the part.
         rows: the maxima ``(R,)``.
         together: which maxima are known to be one region; no path between two of one region is tried ``(m, m)``.
+        mass: log mass below which a maximum is not probable.
     """
     peaks, out, own = sampler.peaks, np.zeros((len(sampler.peaks),) * 2, dtype=bool), sampler.settings
     region = np.zeros(len(together), dtype=np.int64)
@@ -154,10 +155,10 @@ def _in_one_valley(sampler: Sampler, rows: IntArray, together: BoolArray) -> Boo
     least = paths.lower_end() - own.barrier
     straight = paths.halved().halved()
     joined = straight.lowest() > least
-    mass, _ = sampler.masses()
-    probable = np.minimum(mass[first], mass[second]) > mass.max() + np.log(own.min_probability)
-    bent = np.flatnonzero(probable & ~joined)
-    joined[bent] = follow(straight.take(bent), least[bent])
+    if sampler.fixes_pose:
+        masses, _ = sampler.masses()
+        bent = np.flatnonzero((np.minimum(masses[first], masses[second]) > mass) & ~joined)
+        joined[bent] = follow(straight.take(bent), least[bent])
     out[first[joined], second[joined]] = True
     return out
 

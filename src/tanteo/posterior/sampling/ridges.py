@@ -62,9 +62,11 @@ class Paths:
         return self._logs(np.arange(1, self.Ts.shape[1] - 1)).min(axis=1)
 
     def _logs(self, at: IntArray) -> FloatArray:
-        """Return log densities at some points of each path, the other states integrated out ``(P, len(at))``."""
-        Ts, zs = self.Ts[:, at].reshape(-1, 4, 4), self.zs[:, at].reshape(-1, self.zs.shape[2])
-        return self._integrated(Ts, zs)[0].reshape(len(self.Ts), len(at))
+        """Return log densities at some points of each path ``(P, len(at))``."""
+        Ts = np.ascontiguousarray(self.Ts[:, at].reshape(-1, 4, 4))
+        zs = np.ascontiguousarray(self.zs[:, at].reshape(-1, self.zs.shape[2]))
+        logs = _core.log_densities(self.objective.prepared.shape, self.objective.core, Ts, zs)
+        return np.asarray(logs.reshape(len(self.Ts), len(at)))
 
     def _integrated(self, Ts: Transforms, zs: FloatArray) -> tuple[FloatArray, FloatArray]:
         shape = self.objective.prepared.shape
