@@ -59,7 +59,7 @@ def test_seeds_agree_where_touches_are_few():
 
 
 def test_rounds_of_samples_follow_while_they_are_inexact(monkeypatch):
-    """Samples for a standard deviation of 0.005 are 9 times those for 0.05, and 5 times if no round is added."""
+    """Samples for a standard deviation of 0.005 are 6 times those for 0.05, and 3.4 times if no round is added."""
     parts = [prepare(tanteo.read_part(EXAMPLES / f"{n}.step")) for n in ("block", "bracket_left", "housing")]
     rng, drawn, draw = np.random.default_rng(0), [0, 0], Sampler.sample
     points = SE3.apply(box_centred_pose(rng), surface_points(parts[0], 5, rng)[0]) + SD * rng.normal(size=(5, 3))
@@ -73,7 +73,7 @@ def test_rounds_of_samples_follow_while_they_are_inexact(monkeypatch):
         monkeypatch.setattr(Sampler, "sample", counted)
         settings = replace(DEFAULTS, samples=replace(DEFAULTS.samples, probability_sd=sd))
         identify_points(touches, FreeRays.none(), parts, settings=settings)
-    assert drawn[1] > 7 * drawn[0], drawn
+    assert drawn[1] > 5 * drawn[0], drawn
 
 
 @pytest.mark.parametrize(("maxima", "ridge"), [(1, False), (3, False), (40, True)])

@@ -213,7 +213,7 @@ def _wanted_in_pieces(sampler: Sampler, p: FloatArray, need: float) -> IntArray:
     ess = float(w.sum() ** 2 / (w @ w))
     if ess >= need:
         return np.zeros(len(p), dtype=np.int64)
-    most = own.rounds * own.more if sampler.fixes_pose else own.more
+    most = max(own.rounds * own.more * float(p.sum()), own.first)  # all parts together have ``rounds * more``
     count = np.clip((need - ess) * len(w) / ess, own.first, most)
     want = np.round(count * p / p.sum() / own.heaviest).astype(np.int64) * own.heaviest
     sampler.in_pieces |= want > 0
