@@ -64,7 +64,7 @@ class Paths:
     def _logs(self, at: IntArray) -> FloatArray:
         """Return log densities at some points of each path ``(P, len(at))``."""
         Ts = np.ascontiguousarray(self.Ts[:, at].reshape(-1, 4, 4))
-        zs = np.ascontiguousarray(self.zs[:, at].reshape(-1, self.zs.shape[2]))
+        zs = np.ascontiguousarray(self.zs[:, at].reshape(len(Ts), self.zs.shape[2]))  # there may be no states
         logs = _core.log_densities(self.objective.prepared.shape, self.objective.core, Ts, zs)
         return np.asarray(logs.reshape(len(self.Ts), len(at)))
 
@@ -79,7 +79,7 @@ class Paths:
         P, D = len(self.Ts), self.zs.shape[2]
         Ts, zs = self.Ts.copy(), self.zs.copy()
         at, damping = np.ascontiguousarray(Ts[:, 1:-1].reshape(-1, 4, 4)), np.full(P * (Ts.shape[1] - 2), 1e-3)
-        log, others = self._integrated(at, zs[:, 1:-1].reshape(-1, D))
+        log, others = self._integrated(at, zs[:, 1:-1].reshape(len(at), D))
         for _ in range(_CLIMBS):
             Ts[:, 1:-1] = at.reshape(P, -1, 4, 4)
             chord = self._motions(Ts[:, 1:-1], Ts[:, 2:]) - self._motions(Ts[:, 1:-1], Ts[:, :-2])
@@ -99,7 +99,7 @@ class Paths:
             better = there > log
             at, others = np.where(better[:, None, None], moved, at), np.where(better[:, None], followed, others)
             log, damping = np.maximum(there, log), np.where(better, 0.1 * damping, 10 * damping)
-        Ts[:, 1:-1], zs[:, 1:-1] = at.reshape(P, -1, 4, 4), others.reshape(P, -1, D)
+        Ts[:, 1:-1], zs[:, 1:-1] = at.reshape(P, -1, 4, 4), others.reshape(P, Ts.shape[1] - 2, D)
         return Paths(objective, Ts, zs)
 
     def _motions(self, bases: Transforms, Ts: Transforms) -> FloatArray:
