@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -84,6 +85,14 @@ def frame(T_world_device, T_world_part, part, on_table, reflectance):
     return np.where(full > 0.2, zones[1] / np.maximum(zones[0], 1e-300), np.inf)
 
 
+def read(text):
+    """Return the rig of a text."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "rig.toml"
+        file.write_text(text)
+        return tanteo.read_rig(file)
+
+
 def scene(part, rig, on_table, reflectance, rng):
     """Return readings of a part and its pose."""
     spin = SE3.from_parts(SO3.exp(np.array([0, 0, rng.uniform(-np.pi, np.pi)])), np.zeros(3))
@@ -124,15 +133,10 @@ def main():
     options.add_argument("--verbose", action="store_true", help="one line for each scene")
     arguments = options.parse_args()
     parts = [tanteo.read_part(FOLDER / f"{name}.step") for name in PARTS]
-    folder = Path(__file__).parent / "out"
-    folder.mkdir(exist_ok=True)
-    file = folder / "zones_rig.toml"
-    file.write_text(RIG)
-    rig = tanteo.read_rig(file)
+    rig = read(RIG)
     stated = RIG + (f'response = "{arguments.response}"\n' if arguments.response else "")
     stated += "beam_half_angle_deg = 2.8\n" if arguments.footprint == "circle" else ""
-    file.write_text(stated)
-    stated = tanteo.read_rig(file)
+    stated = read(stated)
     columns = ("table", "mean stated probability", "right", "NEES / 6", "sd", "region holds", "off mm", "s CPU")
     table = Table("Square zones", f"{arguments.scenes} scenes each.", columns, [])
     for kind in arguments.table or ("stated", "none"):

@@ -108,6 +108,20 @@ def test_a_zone_reports_the_mean_of_its_rectangle(block, rig):
     assert abs(tried[np.argmax(logs)] - both.mean()) < 0.4e-3
 
 
+def test_an_outline_in_a_small_spot_costs_no_density(block, tmp_path):
+    """A device that reports a mean reports it for sure, also where the spot is as small as the noise."""
+    (tmp_path / "rig.toml").write_text(ZONES.replace("sd_mm = 4", "sd_mm = 12"))
+    rig, logs = tanteo.read_rig(tmp_path / "rig.toml"), []
+    zone = rig.sensors[2]
+    for beside in (-0.04, 0.012):
+        hand = over_edge(block, beside)
+        both, covered = means(block, hand @ zone.T_hand_sensor, rectangle_rays([0, 0, 1.0], zone.half_axes, 5000))
+        assert covered == 1 if beside < 0 else covered < 0.35
+        core, z = compiled(block, rig, zone.name, hand, both.mean())
+        logs.append(_core.log_densities(block.shape, core, np.eye(4)[None], z)[0])
+    assert logs[1] > logs[0] - 0.1
+
+
 @pytest.mark.parametrize("shape", ["rectangle", "circle"])
 def test_slopes_of_means_count_moving_outlines(block, rig, shape):
     """The outline of the part moves through the beam; without it the slopes here are wrong by 30 to 80 %."""
