@@ -26,7 +26,7 @@ MOST = {
     "code lines of C++": 12260,
     "exported names": 450,
     "exported names without a user": 0,
-    "words of docs": 44620,
+    "words of docs": 44660,
     "live decisions": 40,
 }
 """Largest accepted figures. Lines and words may grow with new capabilities; the others may only fall."""
