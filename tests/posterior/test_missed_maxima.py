@@ -11,7 +11,7 @@ import pytest
 import tanteo
 from bare_scenes import box_centred_pose, surface_points
 from tanteo.factors import FreeRays, as_contact_points
-from tanteo.geometry import SE3
+from tanteo.geometry import SE3, SO3
 from tanteo.posterior import Priors, Problem, identify_points, prepare
 from tanteo.posterior.part_search import start_search
 from tanteo.posterior.sampling.peaks import Peaks, log_missed
@@ -38,6 +38,26 @@ def test_a_sure_search_has_missed_nothing_and_an_empty_one_too():
     assert log_missed(np.zeros(1), np.array([60])) < np.log(1e-15)
     assert log_missed(np.zeros(0), np.zeros(0, dtype=np.int64)) == -np.inf
     assert log_missed(np.zeros(1), np.array([0])) == log_missed(np.zeros(1), np.array([1]))
+
+
+def test_two_beams_that_graze_a_wall_are_no_outliers():
+    """The scan of the other faces leaves the place across them open, and its middle was found 0.7 mm off the wall."""
+    part, rng = prepare(tanteo.read_part(EXAMPLES / "wedge.step")), np.random.default_rng((25, 7))
+    T = SE3.from_parts(SO3.axis_rotation(2, rng.uniform(-3, 3)), rng.uniform(-0.2, 0.2, 3))
+    beam = SO3.axis_rotation(0, rng.uniform(-0.4, 0.4)) @ np.array([0, 0, -1.0])
+    size, middle = part.part.diagonal, SE3.apply(T, part.part.box.mean(axis=0))
+    lines, steps = np.linspace(-0.45, 0.45, 12) * size, np.linspace(-0.45, 0.45, 40) * size
+    starts = middle - 2 * size * beam + np.array([[x, y, 0] for y in lines for x in steps])
+    inverse = SE3.inverse(T)
+    to = part.surface.cast(SE3.apply(inverse, starts), np.tile(inverse[:3, :3] @ beam, (len(starts), 1))).distances
+    hit = np.flatnonzero(np.isfinite(to))
+    away = to[hit] + 2e-5 * rng.normal(size=len(hit)) + (3e-5 * rng.normal(size=len(lines)))[hit // len(steps)]
+    readings = tanteo.Readings.from_columns(
+        points=starts[hit] + away[:, None] * beam, directions=np.tile(beam, (len(hit), 1)), sds=np.full(len(hit), 3e-5)
+    )
+    answer = tanteo.locate(readings, part, conventions=False)
+    assert answer.status == "recognized"
+    assert answer.best.outliers == ()
 
 
 def test_seeds_agree_where_touches_are_few():
