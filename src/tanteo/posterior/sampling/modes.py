@@ -95,12 +95,14 @@ def modes_of(sampler: Sampler, least: float = -np.inf) -> list[Mode]:
 def common_samples(sampler: Sampler) -> BoolArray:
     """Return which maxima share a notable fraction of their weighted samples ``(m, m)``.
 
-    First components along bent ridges are wide and reach other ridges, so those in pieces do not count.
+    First components along bent ridges are wide and reach other ridges, so those in pieces do not count if there are
+    enough measurements for a pose.
     """
     W = sampler.weights(float(sampler.log_weights.max()))[:, None] * sampler.shares
     sums = W.sum(axis=0)
     common = np.stack([W[rows, k] @ sampler.shares[rows] for k, rows in enumerate(map(np.flatnonzero, W.T))])
-    common[sampler.in_pieces], common[:, sampler.in_pieces] = 0.0, 0.0
+    if sampler.fixes_pose:
+        common[sampler.in_pieces], common[:, sampler.in_pieces] = 0.0, 0.0
     return np.asarray(common > sampler.settings.min_fraction * np.minimum(sums[:, None], sums))
 
 
