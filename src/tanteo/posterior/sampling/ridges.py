@@ -1,7 +1,7 @@
 """Paths between maxima along bent ridges of the posterior of one part.
 
 Few measurements leave motions of the part free, and the poses that these lead to are a bent ridge of high density with
-several maxima. A straight path between two of them leaves the ridge. Here the points of a path climb to the ridge
+several maxima. A straight path between two of them leaves the ridge. Here the points of a path move to the ridge
 across the path (string method, E, Ren and Vanden-Eijnden 2002), and the path is refined where it is still bent.
 """
 
@@ -20,7 +20,7 @@ from tanteo.posterior.settings import POSE_DOF
 _REFINEMENTS = 3
 """Numerical: number of times that the steps of a path are halved; a bend then falls the density by 4^6 times less."""
 
-_CLIMBS = 8
+_STEPS = 8
 """Numerical: Newton steps of a point of the path to its ridge."""
 
 
@@ -72,15 +72,15 @@ class Paths:
         shape = self.objective.prepared.shape
         return _core.marginals(shape, self.objective.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs))
 
-    def climbed(self) -> Paths:
-        """Return the paths after their inner points have climbed across the path, in steps of Levenberg-Marquardt."""
+    def on_ridge(self) -> Paths:
+        """Return the paths after Levenberg-Marquardt steps of their inner points across the path."""
         objective, shape = self.objective, self.objective.prepared.shape
         unit = np.r_[np.ones(3), np.full(3, 4 / shape.diagonal)]  # turns as shifts of the rim
         P, D = len(self.Ts), self.zs.shape[2]
         Ts, zs = self.Ts.copy(), self.zs.copy()
         at, damping = np.ascontiguousarray(Ts[:, 1:-1].reshape(-1, 4, 4)), np.full(P * (Ts.shape[1] - 2), 1e-3)
         log, others = self._integrated(at, zs[:, 1:-1].reshape(len(at), D))
-        for _ in range(_CLIMBS):
+        for _ in range(_STEPS):
             Ts[:, 1:-1] = at.reshape(P, -1, 4, 4)
             chord = self._motions(Ts[:, 1:-1], Ts[:, 2:]) - self._motions(Ts[:, 1:-1], Ts[:, :-2])
             chord = chord.reshape(-1, 6) / unit
@@ -120,7 +120,7 @@ def follow(paths: Paths, least: FloatArray) -> BoolArray:
     for _ in range(_REFINEMENTS):
         if not len(left):
             break
-        paths = paths.climbed()
+        paths = paths.on_ridge()
         high = paths.lowest() > least[left]
         paths, left = paths.take(high).halved(), left[high]
         done = paths.lowest() > least[left]
