@@ -32,6 +32,7 @@ NOT_FOR_PROGRAMS = {
     "remarks",
     "replaced",
     "special",
+    "threads",
     "typing",
     "values",
     "whole",

@@ -31,6 +31,7 @@ CHOICES = {
 TUPLES = {
     "tuple[float, ...]": lambda k: 1e-3 * (k + 1),
     "tuple[tuple[str, int], ...]": lambda k: (f"thing {k}", k + 1),
+    "tuple[tuple[float, float, float], ...]": lambda k: (0.1 * k, 0.2, 0.3),
     "tuple[tuple[float, ...], ...]": lambda k: (0.1 * k, 0.2, 0.3),
     "tuple[tuple[str, ...], ...]": lambda k: (f"reading {k}",),
 }

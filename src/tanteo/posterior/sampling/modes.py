@@ -198,7 +198,9 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     """
     objective, peaks = sampler.objective, sampler.peaks
     top = float(sampler.log_weights.max())
-    best = int(rows[np.argmax(peaks.evidence[rows])])
+    found = rows[peaks.times[rows] > 0]  # others are points along a ridge, and no maxima
+    which = found if len(found) else rows
+    best = int(which[np.argmax(peaks.evidence[which])])
     T = T_peak = peaks.Ts[best]
     w = W[:, rows].sum(axis=1)
     alone = len(rows) == 1 and w.sum() > sampler.settings.region * W.sum()
