@@ -2,7 +2,8 @@
 
 A step of sequential Monte Carlo in which moves are maximizations. Samples of the tracked modes and of the prior are
 maximized under *all* measurements. No linearization is kept, so the order of the measurements matters only through the
-known maxima. If the answer is in doubt, every part is searched again over its whole prior.
+known maxima. If the answer is in doubt, every part is searched again over its whole prior. The first measurements are
+searched as those of a log if they are enough for a pose.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from tanteo.defaults import SIGNIFICANCE
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
+from tanteo.posterior.candidate_pruning import prune
 from tanteo.posterior.details import details_at
 from tanteo.posterior.part_search import PartSearch, start_search
 from tanteo.posterior.posterior import Posterior, weigh
@@ -47,6 +49,8 @@ def update_posterior(
         anywhere: log-evidence of an unknown object that is like no part, its prior included.
         rng: generator of all draws.
     """
+    if before is None and len(problem.points) > FEWEST:
+        return _of_a_log(problem, parts, log_priors, anywhere, rng)
     followed = [p for p in range(len(parts)) if before is None or _modes(before, parts[p])]
     searches = {p: _followed(problem, parts[p], before, rng) for p in followed}
     after = _weighed(problem, searches, log_priors, anywhere, rng)
@@ -57,6 +61,18 @@ def update_posterior(
             _search_widely(searches[p])
         after = _weighed(problem, searches, log_priors, anywhere, rng)
     return after
+
+
+def _of_a_log(
+    problem: Problem, parts: Sequence[PreparedPart], log_priors: FloatArray, anywhere: float, rng: np.random.Generator
+) -> Posterior:
+    """Return the posterior of measurements without earlier ones, by the search of a log."""
+    most = float(log_priors.max())
+    known = [None] * len(parts)
+    searches, unseen = prune(problem, parts, anywhere - most, rng, known, exhaustive=False, unsearched=None)
+    prior_of = {id(part): log for part, log in zip(parts, log_priors, strict=True)}
+    priors = np.array([prior_of[id(search.objective.prepared)] for search in searches])
+    return weigh(problem, searches, priors, anywhere, rng, log_left_out=unseen + most)
 
 
 def posterior_about(problem: Problem, part: PreparedPart, Ts: Transforms, rng: np.random.Generator) -> Posterior:
