@@ -114,7 +114,7 @@ the cone, or the mean over the surface that returns most."""
 
 
 FOOTPRINTS = ("circle", "rectangle")
-"""Section of a beam: a circle, or a rectangle along x and y of the sensor, such as a zone of an array of detectors."""
+"""A beam has a circle as its section, or a rectangle along x and y of the sensor, as zones of detector arrays have."""
 
 
 def check_footprint(name: str, footprint: str) -> None:
