@@ -24,6 +24,16 @@ _POOLS: dict[int, ThreadPoolExecutor] = {}
 _LOCK = threading.Lock()
 
 
+def _free_lock() -> None:
+    """Replace the lock in a process that was forked while another thread held it."""
+    global _LOCK
+    _LOCK = threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_free_lock)
+
+
 def for_each(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """Return the results of a function for all items, in their order.
 

@@ -41,7 +41,7 @@ def test_exact_touches_given_at_once_place_the_part():
 
 
 def test_touches_given_at_once_are_searched_as_a_log():
-    """Followed from samples of the prior alone, these were seen millimetres off at 0.6 to 0.95, and sure."""
+    """Followed from samples of the prior alone, these were millimetres off at 0.65 to 0.997."""
     target = prepare(read_part(PARTS / "block.step"))
     for seed in (9, 50, 73, 96):
         start, T, touches = touched(target, seed)

@@ -117,38 +117,25 @@ FOOTPRINTS = ("circle", "rectangle")
 """A beam has a circle as its section, or a rectangle along x and y of the sensor, as zones of detector arrays have."""
 
 
-def check_footprint(name: str, footprint: str) -> None:
-    """Check the section of a beam; empty is allowed, for that of the preset.
-
-    Args:
-        name: name of the device in the message.
-        footprint: section to check.
-
-    Raises:
-        InputError: the section is none of :data:`FOOTPRINTS`.
-    """
-    if footprint and footprint not in FOOTPRINTS:
-        raise InputError(
-            f"footprint of '{name}': expected one of {', '.join(FOOTPRINTS)}, got '{footprint}'. Leave it out for a "
-            "circle."
-        )
-
-
-def check_response(name: str, response: str) -> None:
-    """Check the response of a device; empty is allowed, for unknown.
+def check_beam(name: str, response: str, footprint: str) -> None:
+    """Check the response and the section of a beam; empty ones are allowed, for those that are not known.
 
     Args:
         name: name of the device in the message.
         response: response to check.
+        footprint: section to check.
 
     Raises:
-        InputError: the response is none of :data:`RESPONSES`.
+        InputError: the response is none of :data:`RESPONSES`, or the section none of :data:`FOOTPRINTS`.
     """
-    if response and response not in RESPONSES:
-        raise InputError(
-            f"response of '{name}': expected one of {', '.join(RESPONSES)}, got '{response}'. Leave it out if the data "
-            "sheet does not state it."
-        )
+    for what, value, allowed, otherwise in (
+        ("response", response, RESPONSES, "if the data sheet does not state it"),
+        ("footprint", footprint, FOOTPRINTS, "for a circle"),
+    ):
+        if value and value not in allowed:
+            raise InputError(
+                f"{what} of '{name}': expected one of {', '.join(allowed)}, got '{value}'. Leave it out {otherwise}."
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,8 +194,7 @@ class SensorPreset:
     outlier_rate: float = math.nan
 
     def __post_init__(self) -> None:
-        check_response(self.name, self.response)
-        check_footprint(self.name, self.footprint)
+        check_beam(self.name, self.response, self.footprint)
 
     @property
     def is_contact(self) -> bool:

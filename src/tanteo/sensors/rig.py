@@ -11,7 +11,7 @@ import numpy as np
 from tanteo.errors import InputError, did_you_mean
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 from tanteo.sensors.noise import square_axes
-from tanteo.sensors.presets import SensorPreset, check_footprint, check_response
+from tanteo.sensors.presets import SensorPreset, check_beam
 from tanteo.values import Value, lock
 
 
@@ -91,8 +91,7 @@ class RigSensor(Value):
         return np.asarray(depth * sides[:, None] * across)
 
     def __post_init__(self) -> None:
-        check_response(self.name, self.response)
-        check_footprint(self.name, self.footprint)
+        check_beam(self.name, self.response, self.footprint)
         if np.isnan(self.T_hand_unit).all():
             object.__setattr__(self, "T_hand_unit", self.T_hand_sensor)
         for name, shape in (
