@@ -128,13 +128,13 @@ def check_beam(name: str, response: str, footprint: str) -> None:
     Raises:
         InputError: the response is none of :data:`RESPONSES`, or the section none of :data:`FOOTPRINTS`.
     """
-    for what, value, allowed, otherwise in (
+    for what, value, allowed, advice in (
         ("response", response, RESPONSES, "if the data sheet does not state it"),
         ("footprint", footprint, FOOTPRINTS, "for a circle"),
     ):
         if value and value not in allowed:
             raise InputError(
-                f"{what} of '{name}': expected one of {', '.join(allowed)}, got '{value}'. Leave it out {otherwise}."
+                f"{what} of '{name}': expected one of {', '.join(allowed)}, got '{value}'. Leave it out {advice}."
             )
 
 
