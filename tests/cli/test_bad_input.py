@@ -245,7 +245,7 @@ PARTS = [
         "part in metres",
         "p.stl",
         lambda t: binary_stl(t * 1e-3),
-        "Did you mean unit='m' or unit='ft'? Here that is --units.",
+        "Did you mean --units m or --units ft?",
     ),
     ("part of nanometres", "p.stl", lambda t: binary_stl(t * 1e-4), "too small"),
     ("empty off", "p.off", lambda t: b"OFF\n", "p.off"),
@@ -285,7 +285,7 @@ def test_parts_refused(run, tmp_path, wedge, name, content, message, command):
 def test_stl_needs_units(run, tmp_path, parts, command, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "r.csv").write_text(GOOD)
-    refused(run(*command, parts / "wedge.stl"), MISUSED, "Here that is --units.")
+    refused(run(*command, parts / "wedge.stl"), MISUSED, "Pass --units mm (or um")
 
 
 CALLS = [

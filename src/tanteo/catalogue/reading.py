@@ -195,7 +195,7 @@ def requested(
         first = next(file for file in files if file in needy)
         others = f" and {len(needy) - 1} more" if len(needy) > 1 else ""
         raise UnitError(
-            f"unit: expected the length unit of {first.name}{others}, whose format has none, got none. "
+            f"unit: expected the length unit of {first.name}{others}, got none; its format states none. "
             "Pass unit='mm' (or um, cm, m, in, ft)."
         )
     # If some files need a unit, it applies only to them; the others keep their own.

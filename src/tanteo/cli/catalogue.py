@@ -10,7 +10,7 @@ import typer
 
 from tanteo import render
 from tanteo.cli import arguments as args
-from tanteo.cli.misuse import MisuseError, misuse
+from tanteo.cli.misuse import MisuseError, misuse, with_units_option
 from tanteo.cli.printing import complain, emit, layout, print_text, progress, put_json
 from tanteo.errors import PartError, UnitError
 
@@ -69,7 +69,7 @@ def _write(
         with misuse(always=False), progress("reading parts", quiet=quiet) as tick:
             built = write(paths, folder, unit=units, scheduler=scheduler, progress=tick)
     except UnitError as error:
-        raise MisuseError(f"{error} Here that is --units.") from None
+        raise MisuseError(with_units_option(str(error))) from None
     return built, time.perf_counter() - start
 
 
@@ -101,7 +101,7 @@ def check(catalogue: _Folder) -> None:
 def _print_result(built: Built, out: str, seconds: float, *, as_json: bool) -> None:
     """Print the result of writing, and a warning for each file that could not be read."""
     for failure in built.failures:
-        complain("warning", f"{failure.reason} Here that is --units." if "unit=" in failure.reason else failure.reason)
+        complain("warning", with_units_option(failure.reason))
     if as_json:
         failures = [{"path": one.path, "reason": one.reason} for one in built.failures]
         put_json(

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tanteo import io
-from tanteo.cli.misuse import MisuseError
+from tanteo.cli.misuse import MisuseError, with_units_option
 from tanteo.cli.printing import complain, print_text, progress
 from tanteo.errors import InputError, PartError, UnitError
 
@@ -142,8 +142,8 @@ def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> S
         with progress("reading parts", quiet=quiet) as tick:
             parts = read_parts(paths, unit=units, progress=tick)
     except UnitError as error:
-        raise MisuseError(f"{error} Here that is --units.") from None
-    reasons = [f"{f.reason} Here that is --units." if "unit=" in f.reason else f.reason for f in parts.failures]
+        raise MisuseError(with_units_option(str(error))) from None
+    reasons = [with_units_option(failure.reason) for failure in parts.failures]
     skipped = skipped_folders(paths)
     if len(reasons) == 1 and not parts.parts and not skipped:
         raise PartError(reasons[0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -43,6 +44,16 @@ def misuse(*, always: bool = True) -> Iterator[None]:
         if always:
             raise MisuseError(str(error)) from None
         raise
+
+
+def with_units_option(reason: str) -> str:
+    """Return a reason in which the argument ``unit`` of the library is the option ``--units``.
+
+    Examples:
+        >>> with_units_option("unit: expected the length unit of a.stl, got none. Pass unit='mm'.")
+        '--units: expected the length unit of a.stl, got none. Pass --units mm.'
+    """
+    return re.sub(r"^unit: ", "--units: ", re.sub(r"unit='(\w+)'", r"--units \1", reason))
 
 
 def require_image(image: str | None, camera: str | None, marks: str | None) -> None:
