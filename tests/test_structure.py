@@ -17,7 +17,7 @@ MOST = {
     "iterative pose fits": 2,
     "iterative pose fits in C++": 1,
     "tuned numbers in vision": 49,
-    "tuned numbers in posterior": 110,
+    "tuned numbers in posterior": 109,
     "checks of a kind in C++": 0,
     "files with checks of a kind in C++": 0,
     "checks of a kind in Python": 0,

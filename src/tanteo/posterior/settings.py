@@ -280,7 +280,6 @@ class SampleSettings:
         barrier: fall of the log density between two maxima of one region [nats], less than to the border of a region
             of two standard deviations in six directions. ``python benchmarks/sweep.py
             samples.barrier 0 3 9 --rows touch=16 prior=16``.
-        path_steps: number of steps of the path between two maxima on which the density has to stay high. Decision 61.
         edge_sd: largest standard deviation of a motion by samples, over the part's size, at which the ends of faces
             constrain that motion. Row hard_walls.
         reopen_probability: probability of the unknown object from which all parts are searched again. Row
@@ -303,7 +302,6 @@ class SampleSettings:
     min_fraction: float = 0.1
     clip: int = 15
     barrier: float = 3.0
-    path_steps: int = 4
     edge_sd: float = 0.05
     reopen_probability: float = 0.2
 
