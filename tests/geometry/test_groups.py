@@ -59,6 +59,8 @@ class TestLaws:
             column = SE3.log(T_inverse @ SE3.exp(xi + step)) - SE3.log(T_inverse @ SE3.exp(xi - step))
             np.testing.assert_allclose(J[..., k], column / (2 * h), atol=1e-8)
         np.testing.assert_allclose(SE3.right_jacobian_inverse(xi) @ J, np.eye(6) + 0 * J, atol=1e-11)
+        J, inverse = SO3.right_jacobian(xi[..., 3:]), SO3.right_jacobian_inverse(xi[..., 3:])
+        np.testing.assert_allclose(inverse @ J, np.eye(3) + 0 * J, atol=1e-11)
 
     def test_quaternion_round_trip(self, batch, regime):
         R = SO3.exp(tangents(np.random.default_rng(5), batch, regime)[..., 3:])

@@ -105,12 +105,7 @@ def log(T: Transforms) -> Tangents:
         T: motions ``(*batch, 4, 4)``.
     """
     w = so3.log(T[..., :3, :3])
-    t = np.linalg.norm(w, axis=-1)
-    a, b, _ = so3.sinc_terms(t)
-    small = t < 1e-2
-    t2 = np.where(small, 1.0, t * t)
-    # V^-1 = I - [w]x / 2 + k [w]x^2, k = (1 - a / (2 b)) / t^2
-    k = np.where(small, (1 + t * t / 60 * (1 + t * t / 42)) / 12, (1 - a / (2 * b)) / t2)
+    k = so3.inverse_coefficient(np.linalg.norm(w, axis=-1))  # V^-1 = I - [w]x / 2 + k [w]x^2
     v = T[..., :3, 3]
     wv = so3.cross(w, v)
     return np.concatenate([v - 0.5 * wv + k[..., None] * so3.cross(w, wv), w], axis=-1)

@@ -118,6 +118,30 @@ def right_jacobian(w: Vectors) -> FloatArray:
     return np.eye(3) - b[..., None, None] * W + c[..., None, None] * (W @ W)
 
 
+def right_jacobian_inverse(w: Vectors) -> FloatArray:
+    """Return the inverse of :func:`right_jacobian` ``(*batch, 3, 3)``; singular at an angle of 2 pi.
+
+    Args:
+        w: rotation vectors ``(*batch, 3)`` [rad].
+    """
+    w = np.asarray(w, dtype=np.float64)
+    W = hat(w)
+    k = inverse_coefficient(np.linalg.norm(w, axis=-1))
+    return np.eye(3) + 0.5 * W + k[..., None, None] * (W @ W)
+
+
+def inverse_coefficient(angle: FloatArray) -> FloatArray:
+    """Return the coefficient of ``hat(w)^2`` in the inverse of the right Jacobian.
+
+    Args:
+        angle: angles ``|w|`` [rad].
+    """
+    t = np.asarray(angle, dtype=np.float64)
+    a, b, _ = sinc_terms(t)
+    small = t < _SERIES_BELOW
+    return np.where(small, (1 + t * t / 60 * (1 + t * t / 42)) / 12, (1 - a / (2 * b)) / np.where(small, 1.0, t * t))
+
+
 def as_quaternion(R: Rotations) -> FloatArray:
     """Return unit quaternions ``(w, x, y, z)`` with ``w >= 0``, from the largest of the four components.
 

@@ -150,7 +150,8 @@ def _best_of_placed(objective: Objective, count: int, rng: np.random.Generator) 
     R, middle, information = attitudes
     which = rows[rng.integers(len(rows), size=n)]
     places = rng.integers(len(prepared.samples), size=(_FACING, n))
-    facing = -np.einsum("nij,fnj,ni->fn", R, prepared.normals[places], points.inward[which])
+    inward = np.einsum("nji,nj->ni", R, points.inward[which])
+    facing = -np.einsum("fnj,nj->fn", prepared.normals[places], inward)
     places = places[np.argmax(facing, axis=0), np.arange(n)]
     normals = np.einsum("nij,nj->ni", R, prepared.normals[places])
     there = points.points[which] - points.radii[which, None] * normals
@@ -180,16 +181,15 @@ def _attitudes(
     else:
         weights = np.exp(known.log_weights - known.log_weights.max())
         rows = rng.choice(len(weights), size=n, p=weights / weights.sum())
-        C, T0 = known.covariances[rows], known.Ts[rows]
-        w = (np.linalg.cholesky(C[:, 3:, 3:]) @ rng.normal(size=(n, 3, 1)))[..., 0]
+        C, R0 = known.covariances, known.Ts[rows, :3, :3]
+        w = (np.linalg.cholesky(C[:, 3:, 3:])[rows] @ rng.normal(size=(n, 3, 1)))[..., 0]
         gain = np.linalg.solve(C[:, 3:, 3:], C[:, 3:, :3]).swapaxes(1, 2)
-        v = np.einsum("nij,nj->ni", gain, w)
-        there = T0 @ SE3.exp(np.concatenate([v, w], axis=1))
-        unit = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), np.broadcast_to(w[:, None], (n, 3, 3))], axis=2)
-        A = T0[:, :3, :3] @ SE3.exp(unit)[..., :3, 3].swapaxes(1, 2)
-        spread = A @ (C[:, :3, :3] - gain @ C[:, 3:, :3]) @ A.swapaxes(1, 2)
+        v = (gain[rows] @ w[..., None])[..., 0]
+        there = known.Ts[rows] @ SE3.exp(np.concatenate([v, w], axis=1))
+        of_step = np.linalg.inv(C[:, :3, :3] - gain @ C[:, 3:, :3])[rows]
+        back = SO3.right_jacobian_inverse(-w) @ R0.swapaxes(1, 2)
+        information = np.asarray(back.swapaxes(1, 2) @ of_step @ back, dtype=np.float64)
         R, middle = there[:, :3, :3], there[:, :3, 3]
-        information = np.asarray(np.linalg.inv(spread), dtype=np.float64)
     if not planes:
         return R, middle, information
     right, of_planes = np.einsum("nij,nj->ni", information, middle), np.zeros((3, 3))
