@@ -230,7 +230,8 @@ def carried_out(found, target, start, sd, rng, *, assumed=False):
     )
     for error in measure(readings).unstated if assumed else ():
         size = rng.choice(list(error.sizes), p=list(error.sizes.values()))
-        moved = error.columns @ (size * rng.normal(size=error.columns.shape[2]))
+        columns = error.columns()
+        moved = columns @ (size * rng.normal(size=columns.shape[2]))
         readings = replace(readings, points=Column.from_rows(np.asarray(readings.points) + moved))
     answer = locate(readings, target.part, priors=Priors(pose=PosePrior(start.Ts[0], start.covariances[0])))
     if not answer.hypotheses:

@@ -88,9 +88,10 @@ def drawn_ranges(errors: tuple[UnstatedError, ...], normals: Vectors, placements
     count = int(placements.max(initial=-1)) + 1
     out = np.zeros((len(placements), draws, len(normals)))
     for number, error in enumerate(errors):
+        columns = error.columns()
         rng = np.random.default_rng((*_SEED, number))
         sizes = rng.choice(list(error.sizes), size=(count, draws), p=list(error.sizes.values()))
-        effect = np.einsum("ni,nid->nd", normals, error.columns)
+        effect = np.einsum("ni,nid->nd", normals, columns)
         states = np.stack([rng.normal(size=(count, draws)) for _ in range(effect.shape[1])], axis=-1)
         out += ((sizes[..., None] * states) @ effect.T)[placements]
     return out

@@ -94,7 +94,8 @@ def _normal(places: Vectors, slack: FloatArray) -> Vectors | None:
 def outlier_or_variant(one: GoodnessOfFit, explained: BoolArray) -> OutlierOrVariant | None:
     """Return the finding that readings off the part may be outliers, or show a variant; None if there is no doubt.
 
-    There is none where another reading on the same face near it is on the part. Nor is there if the stated rate
+    There is none where another reading on the same face near it is on the part, or where the reading is too far away
+    for any object of the size of the parts. Nor is there if the stated rate
     predicts an outlier or more among so many readings, and not too many are off.
 
     Args:
@@ -103,7 +104,7 @@ def outlier_or_variant(one: GoodnessOfFit, explained: BoolArray) -> OutlierOrVar
     """
     problem, at = one.mode.objective.problem, one.at
     residuals = np.abs(at.distances[0] * one.per_stated_sd)
-    far = np.flatnonzero(one.outliers & ~explained & (residuals > problem.settings.search.gate))
+    far = np.flatnonzero(one.outliers & ~explained & ~problem.distant.rows & (residuals > problem.settings.search.gate))
     n, rate = len(one.outliers), problem.priors.outlier_rate
     if n * rate >= 1 and beta_binomial_tail(len(far), n, rate) > NOTABLE:
         return None

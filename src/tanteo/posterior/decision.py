@@ -44,6 +44,7 @@ from tanteo.words import Finding
 from tanteo.words.findings import (
     AmongUnsearched,
     CloseTogether,
+    MayBeUnknown,
     MissedPoses,
     NotSearched,
     OneRegion,
@@ -130,8 +131,8 @@ def verdict_of(
         if outcome.plane is not None:
             explained = outcome.plane.rows
             more.append(outliers_on_plane(posterior.problem.points, outcome.plane))
-        if status == "recognized":
-            status, findings = _doubted(findings, found[0], priors, explained)
+        if status == "recognized" or isinstance(finding, MayBeUnknown):
+            status, findings = _doubted(status, findings, found[0], priors, explained)
     if hypotheses and status == "recognized":
         more += [dominant_shared_error(found[0], shared), outcome.unstated, outlier_finding(hypotheses[0], priors)]
     if found and status != "insufficient":
@@ -197,12 +198,14 @@ def _in_one_region(found: Sequence[GoodnessOfFit]) -> OneRegion | None:
 
 
 def _doubted(
-    findings: tuple[Finding, ...], best: GoodnessOfFit, priors: Priors, explained: BoolArray
+    status: Status, findings: tuple[Finding, ...], best: GoodnessOfFit, priors: Priors, explained: BoolArray
 ) -> tuple[Status, tuple[Finding, ...]]:
-    """Return the verdict on a part that fits, which contradictions and close readings make ambiguous."""
+    """Return the verdict on the only part that fits, which contradictions and close readings make ambiguous."""
     variant = outlier_or_variant(best, explained)
     if variant is not None:
         return "ambiguous", (variant,)
+    if status != "recognized":
+        return status, findings
     if _close_together(best):
         return "ambiguous", (*findings, CloseTogether())
     doubt = against_labels(best, priors)

@@ -8,6 +8,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
+from tanteo.posterior.outliers import DistantPoints
 from tanteo.posterior.sampling.peaks import Objective
 
 
@@ -36,6 +37,7 @@ class Details:
         design_groups: ``log_groups`` for each design ``(D, S, G)``.
         log_designs: log of the prior weight of each design ``(D, S)``.
         designs: probability of each design ``(D, S)``.
+        distant: points that are on no object of the size of the parts which has the others.
         over_touched: ``design_scales`` of places that are even over the touched faces ``(S, n)``, if the densities are
             those of this design; None for others.
     """
@@ -59,6 +61,7 @@ class Details:
     design_groups: FloatArray
     log_designs: FloatArray
     designs: FloatArray
+    distant: DistantPoints
     over_touched: FloatArray | None = None
 
     def of_design(self, k: int) -> Details:
@@ -101,5 +104,5 @@ def details_at(objective: Objective, Ts: Transforms, zs: FloatArray) -> Details:
         log_groups[0] + of_groups, objective.problem.label_evidence.log_odds + of_groups, log_points, there,
         table[..., 1], table[..., 2], table[..., 3], table[..., 4],
         table[..., 6:9], table[..., 9:], faces.astype(np.int64), np.log(scales), log_groups + of_groups, log_designs,
-        designs,
+        designs, objective.problem.distant,
     )  # fmt: skip

@@ -16,7 +16,7 @@ from tanteo.geometry.special import legendre_nodes, log_sum
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
 from tanteo.parts import Part
 from tanteo.posterior.details import Details
-from tanteo.posterior.outliers import LEAST_RATE, log_by_rate
+from tanteo.posterior.outliers import LEAST_RATE, log_all_outliers, log_by_rate
 
 _ONE_FACE = 0.5
 """Fraction of near variants that differ by one face (decision 49)."""
@@ -89,11 +89,23 @@ def log_density_of_design(at: Details, part: Part, mean: float) -> FloatArray:
 def log_density_by_surfaces(at: Details, mean: float) -> FloatArray:
     """Return the log density if any fraction of the surface is displaced; a label or a beam is one unit ``(S,)``.
 
+    Distant readings are outliers, or the variant is larger than all parts.
+
     Args:
         at: the readings at the poses.
         mean: stated rate of outliers.
     """
     alone = at.groups < 0
+    near, distant = alone & ~at.distant.rows, alone & at.distant.rows
+    log = _log_displaced(at, near, mean)
+    if not distant.any():
+        return log
+    log += at.log_outlier[:, distant].sum(axis=1) + log_all_outliers(int(distant.sum()), mean)
+    return at.distant.mean(log, _log_displaced(at, alone, mean))
+
+
+def _log_displaced(at: Details, alone: BoolArray, mean: float) -> FloatArray:
+    """Return the log density of all labels and some unlabelled readings, any fraction of the surface displaced."""
     places = None if at.places is None else at.places[alone]
     on, off = by_place(at.log_hit[:, alone], at.log_outlier[:, alone], mean, places)
     labelled = np.broadcast_to(at.log_elsewhere, at.log_groups.shape)
@@ -123,7 +135,8 @@ def shifted(at: Details, part: Part, mean: float) -> Shifted:
         part: the part.
         mean: stated rate of outliers.
     """
-    off = np.greater(*_at_rate(at, mean)[::-1]) & (at.faces >= 0)  # centres, edges and corners have negative numbers
+    on_face = at.faces >= 0  # centres, edges and corners have negative numbers
+    off = np.greater(*_at_rate(at, mean)[::-1]) & on_face & ~at.distant.rows
     pose, reading = _proposed(at, off & (off.sum(axis=1) >= _LEAST)[:, None])
     step = max(1, _AT_ONCE // max(off.shape[1], 1))
     blocks = [slice(k, k + step) for k in range(0, len(pose), step)]

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
+from typing import TypeVar
 
 import numpy as np
 
-from tanteo.geometry.special import binomial_cdf, jacobi_nodes, laguerre_nodes
-from tanteo.geometry.typing import FloatArray
+from tanteo.geometry.special import binomial_cdf, jacobi_nodes, laguerre_nodes, log_sum
+from tanteo.geometry.typing import BoolArray, FloatArray, Vectors
+
+ArrayT = TypeVar("ArrayT", float, FloatArray)
 
 JEFFREYS = 0.5
 """First parameter of the beta density of a rate, that of the prior of Jeffreys (1946)."""
@@ -20,6 +24,49 @@ _RARE = 1e-3
 
 NODES = 4
 """Numerical: least number of nodes of the Gauss quadrature over a rate (decision 35)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DistantPoints:
+    """Points that are on no object of the size of the parts which has the other points.
+
+    They are outliers, or the object is larger. A size exceeds that of the parts by a factor with the inverse of the
+    factor as probability.
+
+    Attributes:
+        rows: mask of the points ``(n,)``.
+        larger: probability that an unknown object is large enough for all points.
+    """
+
+    rows: BoolArray
+    larger: float
+
+    @classmethod
+    def of(cls, points: Vectors, placed: BoolArray, radius: float) -> DistantPoints:
+        """Return the points that are farther from the median of all than the diameter of the largest part.
+
+        Args:
+            points: points of the readings ``(n, 3)`` [m].
+            placed: mask of the points that must be on the object, outliers excepted ``(n,)``.
+            radius: radius of the largest part [m].
+        """
+        if not placed.any():
+            return cls(placed, 1.0)
+        factors = np.linalg.norm(points - np.median(points[placed], axis=0), axis=1) / (2 * radius)
+        factors = np.where(placed, factors, 0.0)
+        rows = factors > max(1.0, float(factors[placed].min()))
+        return cls(rows, 1 / float(factors.max()) if rows.any() else 1.0)
+
+    def mean(self, outliers: ArrayT, larger: ArrayT) -> ArrayT:
+        """Return the log of the mean of a density over both explanations.
+
+        Args:
+            outliers: log density if the points are outliers, the probability of that included.
+            larger: log density if the object is large enough for them.
+        """
+        if not self.rows.any():
+            return larger
+        return np.logaddexp(np.log1p(-self.larger) + outliers, np.log(self.larger) + larger)
 
 
 def outlier_rates(mean: float, n: int) -> tuple[FloatArray, FloatArray]:
@@ -39,6 +86,17 @@ def _rates(mean: float, nodes: int) -> tuple[FloatArray, FloatArray]:
         return np.clip(mean / JEFFREYS * x, LEAST_RATE, 1.0), w
     x, w = jacobi_nodes(nodes, JEFFREYS / mean - JEFFREYS - 1, JEFFREYS - 1)
     return (1 + x) / 2, w
+
+
+def log_all_outliers(count: int, mean: float) -> float:
+    """Return the log probability that some readings are all outliers; 0 of none.
+
+    Args:
+        count: number of the readings.
+        mean: stated mean rate, above 0 and below 1.
+    """
+    rates, weights = outlier_rates(mean, count**2)
+    return float(log_sum(np.log(weights) + count * np.log(rates)))
 
 
 def beta_binomial_tail(outliers: int, n: int, mean: float) -> float:

@@ -19,7 +19,7 @@ from tanteo.posterior.answers.pose_prior import log_density_within
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.furniture_points import FurniturePoints, outlier_log_density, weigh_furniture, without_pose
 from tanteo.posterior.labels import LabelEvidence, groups_of, label_evidence
-from tanteo.posterior.outliers import outlier_rates
+from tanteo.posterior.outliers import DistantPoints, outlier_rates
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.settings import DEFAULTS, POSE_DOF, Settings
 from tanteo.posterior.stable_poses import FLUSH, log_flush, resting
@@ -62,6 +62,7 @@ class Problem:
         furniture: points that may be on furniture.
         groups: index of the label of each point ``(n,)``; -1 for a point without a label.
         label_evidence: densities of labelled points on surfaces of an unknown object.
+        distant: points that are on no object of the size of the parts which has the others.
         region: size of the region that measurements without a direction touch.
         log_outlier: log density of each point as an outlier ``(n,)``.
     """
@@ -76,6 +77,7 @@ class Problem:
     furniture: FurniturePoints = field(init=False, repr=False)
     groups: IntArray = field(init=False, repr=False)
     label_evidence: LabelEvidence = field(init=False, repr=False)
+    distant: DistantPoints = field(init=False, repr=False)
     region: TouchedRegion = field(init=False, repr=False)
     log_outlier: FloatArray = field(init=False, repr=False)
     _factors: list[tuple[_core.FactorList, Indices]] = field(init=False, repr=False, default_factory=list)
@@ -86,7 +88,11 @@ class Problem:
         object.__setattr__(self, "groups", groups)
         object.__setattr__(self, "log_outlier", outlier_log_density(self.points, self.priors))
         object.__setattr__(self, "furniture", weigh_furniture(self.points, self.priors, self.settings.search))
-        region = touched_region(self.points, groups, self.furniture.others)
+        others = self.furniture.others
+        placed = self.points.placed & ~self.furniture.on_furniture  # a centre may be beyond the end of its hole
+        distant = DistantPoints.of(self.points.points, placed, self.priors.radius)
+        object.__setattr__(self, "distant", distant)
+        region = touched_region(self.points, groups, others[~distant.rows[others]])
         object.__setattr__(self, "region", region)
         evidence = label_evidence(self.points, groups, self.priors.radius, region.groups)
         object.__setattr__(self, "label_evidence", evidence)

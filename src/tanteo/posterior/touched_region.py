@@ -66,7 +66,7 @@ def touched_region(points: ContactPoints, groups: IntArray, rows: IntArray) -> T
     Args:
         points: the measurements.
         groups: index of the label of each point ``(n,)``; -1 without a label.
-        rows: rows of the points that are not on furniture.
+        rows: rows of the points that are neither on furniture nor distant.
     """
     codimensions = np.array([f.codimension if f.on_surface else 0 for f in points.factors], dtype=np.int64)
     free = np.zeros(len(points), dtype=np.bool_)

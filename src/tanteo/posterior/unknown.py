@@ -13,6 +13,7 @@ from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.posterior.answers.pose_prior import PosePrior
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.joint_surface_model import log_joint_surfaces
+from tanteo.posterior.outliers import log_all_outliers
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.touched_region import LARGER
 
@@ -41,14 +42,12 @@ class PossibleCentres:
 
 
 def possible_centres(points: Vectors, radius: float) -> PossibleCentres:
-    """Return the region of the middle of a ball that contains all readings but distant outliers.
+    """Return the region of the middle of a ball that contains some readings.
 
     Args:
         points: points of the readings ``(n, 3)`` [m].
         radius: radius of the ball [m]; enlarged if the readings need more.
     """
-    away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
-    points = points[away <= max(2 * radius, away.min())]
     middle = points.mean(axis=0)
     for k in range(1, _BALL_STEPS):  # Badoiu and Clarkson 2003
         middle = middle + (points[np.argmax(np.sum((points - middle) ** 2, axis=1))] - middle) / (k + 1)
@@ -74,7 +73,8 @@ def log_anywhere(problem: Problem, centroid: Vectors, area: float) -> float:
     """Return the log density of all readings if the object is unknown: in a ball whose position follows the prior.
 
     Points of one label are on one surface of any object, and most of its faces run along three perpendicular axes.
-    Otherwise every right angle would be evidence for the parts that have one.
+    Otherwise every right angle would be evidence for the parts that have one. Distant readings are outliers, or the
+    object is larger than all parts.
 
     Args:
         problem: measurements and priors.
@@ -85,15 +85,25 @@ def log_anywhere(problem: Problem, centroid: Vectors, area: float) -> float:
     if not len(points):
         return problem.log_factors_unknown
     others = problem.furniture.others
-    placed = others[points.placed[others]]  # a centre at any height of its axis may be outside of the object
-    where = possible_centres(points.points[placed if len(placed) else others], priors.radius)
-    place = log_place_of_unknown(priors.pose, centroid, where.middle, priors.radius, where.sd)
-    known = priors.pose is not None and (priors.pose.box is not None or priors.pose.T_world_part is not None)
-    share = np.log(where.volume) - 3 * np.log(2 * (priors.radius if known else where.radius))
+    placed = others[points.placed[others]]
+    placed = placed if len(placed) else others
+    place, distant = _log_placed(points.points[placed], priors, centroid), problem.distant.rows[placed]
+    if distant.any():
+        near = _log_placed(points.points[placed[~distant]], priors, centroid)
+        place = problem.distant.mean(near + log_all_outliers(int(distant.sum()), priors.outlier_rate), place)
     even, chosen = labels.log_designs.sum(axis=1)
     places = np.logaddexp(even, chosen + problem.region.log_gain_of_unknown(area)) - np.log(2)
     shapes = places + log_joint_surfaces(labels.facets, priors.right_angled, priors.radius, problem.settings)
-    return float(problem.log_not_on_part.sum() + place + share + shapes) + problem.log_factors_unknown
+    return float(problem.log_not_on_part.sum() + place + shapes) + problem.log_factors_unknown
+
+
+def _log_placed(points: Vectors, priors: Priors, centroid: Vectors) -> float:
+    """Return the log density of the place of an unknown object that has some readings on it."""
+    where = possible_centres(points, priors.radius)
+    place = log_place_of_unknown(priors.pose, centroid, where.middle, priors.radius, where.sd)
+    known = priors.pose is not None and (priors.pose.box is not None or priors.pose.T_world_part is not None)
+    share = np.log(where.volume) - 3 * np.log(2 * (priors.radius if known else where.radius))
+    return float(place + share)
 
 
 def log_unknown(log_anywhere: float, log_variant: FloatArray, priors: Priors) -> float:

@@ -349,7 +349,7 @@ class Form(ErrorState):
     components at the readings are states, and the remainder is independent noise.
 
     Attributes:
-        length: correlation length [m]; None for half of the extent of the points.
+        length: correlation length [m]; None for half of the extent of the points, without distant outliers.
     """
 
     length: float | None = None
@@ -400,8 +400,15 @@ def smooth_correlation(points: Vectors) -> FloatArray:
     return _smooth(points, points, _half_extent(points))
 
 
+_DISTANT = 10.0
+"""Numerical: distance from the median of the points, over the median of such distances, beyond which a point is no part
+of their extent. Of even points on a box, a rod or a sheet none is beyond 3."""
+
+
 def _half_extent(points: Vectors) -> float:
-    """Return half of the diagonal of the box of some points [m]."""
+    """Return half of the diagonal of the box of some points without distant outliers [m]."""
+    away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+    points = points[away <= max(_DISTANT * float(np.median(away)), float(away.min()))]
     return max(0.5 * float(np.linalg.norm(np.ptp(points, axis=0))), 1e-6)
 
 
@@ -623,13 +630,38 @@ class UnstatedError:
 
     Attributes:
         name: name of the error.
-        columns: derivative of each point by the states, whose unit is the noise ``(n, 3, d)`` [m].
+        noise: typical standard deviation of a reading [m].
+        sensed: the readings.
         sizes: possible standard deviations of the states with their prior probabilities.
     """
 
     name: str
-    columns: FloatArray
+    noise: float
+    sensed: Sensed
     sizes: Mapping[float, float]
+
+    def columns(self, used: BoolArray | None = None) -> FloatArray:
+        """Return the derivative of each point by the states, whose unit is the noise ``(n, 3, d)`` [m].
+
+        The scale acts about the origin of the world, or about the readings if that is farther away than any machine
+        reaches.
+
+        Args:
+            used: mask of the points on the part ``(n,)``; others have no part in extent and middle. None for all.
+        """
+        rows = np.flatnonzero(self.sensed.hit)
+        used = np.ones(len(rows), dtype=np.bool_) if used is None else used
+        points = self.sensed.points[rows]
+        if self.name == Scale.name:
+            middle = points[used].mean(axis=0)
+            origin = middle if float(np.linalg.norm(middle)) > MACHINE else np.zeros(3)
+            out = min(SCALE_PER_NOISE * self.noise, LARGEST_SCALE) * (points - origin)[..., None]
+        else:
+            hit = np.zeros(len(self.sensed.hit), dtype=np.bool_)
+            hit[rows[used]] = True
+            columns = ERROR_STATES[self.name](self.noise).columns(replace(self.sensed, hit=hit))
+            out = self.noise * columns.points[rows]
+        return np.where(used[:, None, None], out, 0.0)
 
 
 def unstated_errors(
@@ -637,8 +669,7 @@ def unstated_errors(
 ) -> tuple[UnstatedError, ...]:
     """Return the errors that readings are assumed to share: scale of the world, drift over the run, warp of the part.
 
-    A stated error replaces the assumed one. The scale acts about the origin of the world, or about the readings if that
-    is farther away than any machine reaches.
+    A stated error replaces the assumed one.
 
     Args:
         sensed: the readings.
@@ -648,14 +679,7 @@ def unstated_errors(
     """
     if not sensed.hit.any():
         return ()
-    known, out = {error.name for error in stated}, list[UnstatedError]()
-    points = sensed.points
-    if Scale.name not in known and not machine:
-        middle = points[sensed.hit].mean(axis=0)
-        origin = middle if float(np.linalg.norm(middle)) > MACHINE else np.zeros(3)
-        size = min(SCALE_PER_NOISE * noise, LARGEST_SCALE)
-        out.append(UnstatedError(Scale.name, size * (points - origin)[..., None], {1.0: 1.0}))
-    for cls, sizes in BENDS.items():
-        if cls.name not in known:
-            out.append(UnstatedError(cls.name, noise * cls(noise).columns(sensed).points, sizes))
-    return tuple(out)
+    known = {error.name for error in stated}
+    assumed: dict[type[ErrorState], dict[float, float]] = {**({} if machine else {Scale: {1.0: 1.0}}), **BENDS}
+    unstated = [(cls.name, sizes) for cls, sizes in assumed.items() if cls.name not in known]
+    return tuple(UnstatedError(name, noise, sensed, sizes) for name, sizes in unstated)

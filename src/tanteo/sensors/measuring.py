@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -140,7 +139,7 @@ def measure(
         sizes=tuple(float(sizes[k]) if sizes.given[k] else None for k in np.flatnonzero(hit)),
         material_sides=tuple(_SIDES[readings.material_sides[k]] for k in np.flatnonzero(hit)),
         rounding=readings.step / math.sqrt(12),  # uniform over a step
-        unstated=tuple(replace(one, columns=one.columns[hit]) for one in unstated),
+        unstated=unstated,
     )
 
 

@@ -166,7 +166,7 @@ def unstated_moves(points: ContactPoints, one: GoodnessOfFit, errors: Sequence[U
     root = np.sqrt(at.inlier_probability[0]) * one.per_stated_sd
     J, residuals = _derivatives(points, one) * root[:, None], -at.distances[0] * root
     there = at.normals[0] @ mode.T_peak[:3, :3].T
-    columns = [np.einsum("ni,nid->nd", there * root[:, None], error.columns) for error in errors]
+    columns = [np.einsum("ni,nid->nd", there * root[:, None], error.columns(one.inliers)) for error in errors]
     G = np.concatenate(columns, axis=1)
     A = _constrained(one) * float(np.median(one.per_stated_sd / at.per_sd[0])) ** 2  # for noise as stated
     A += _positive(J.T @ J - A)
