@@ -23,7 +23,7 @@ MOST = {
     "checks of a kind in Python": 0,
     "files with checks of a kind in Python": 0,
     "code lines of Python in the judged packages": 13246,
-    "code lines of C++": 12260,
+    "code lines of C++": 12290,
     "exported names": 450,
     "exported names without a user": 0,
     "words of docs": 44740,

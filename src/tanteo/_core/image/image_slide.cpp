@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <utility>
 
 namespace tanteo {
 
 namespace {
 
 constexpr size_t EVALUATED = 40;  // positions for each kept pose; adjacent ones are then removed
+constexpr size_t BLOCK = 16;      // positions that are dropped together
 
 // Cell of a pixel in the tables, relative to the cell of the centre. Pixels beyond the margin, or not in front of the
 // camera, are at the end of the margin.
@@ -20,9 +22,19 @@ int64_t cell_of(const SlideTables& t, const Pixel& pixel, const Pixel& centre, i
     return (channel * t.rows + along(pixel.y - centre.y)) * t.columns + along(pixel.x - centre.x);
 }
 
+// Numbers below a count in an order of which every beginning is evenly spread (Kronecker's sequence).
+std::vector<int> spread_order(int count) {
+    std::vector<std::pair<double, int>> keys;
+    for (int k = 0; k < count; ++k) keys.push_back({std::fmod(0.6180339887498949 * k, 1.0), k});
+    std::sort(keys.begin(), keys.end());
+    std::vector<int> order;
+    for (const auto& [key, k] : keys) order.push_back(k);
+    return order;
+}
+
 // Cells of edge samples at even distances along the visible edges, relative to the cell of the position.
 std::vector<int64_t> draw(const EdgeFrame& frame, const Lens& lens, const Pose& pose, const Pixel& centre,
-                          const SlideTables& tables, int samples) {
+                          const SlideTables& tables, const std::vector<int>& order) {
     const auto at = [&](const Vec3& p) { return project(lens, pose.R * p + pose.t); };
     const size_t N = frame.size();
     std::vector<char> shown(N), rims(N);
@@ -40,8 +52,8 @@ std::vector<int64_t> draw(const EdgeFrame& frame, const Lens& lens, const Pose& 
         upto[k] = total;
     }
     std::vector<int64_t> out;
-    for (int k = 0; k < samples && N; ++k) {
-        const auto next = std::lower_bound(upto.begin(), upto.end(), (k + 0.5) / samples * total);
+    for (size_t j = 0; j < order.size() && N; ++j) {
+        const auto next = std::lower_bound(upto.begin(), upto.end(), (order[j] + 0.5) / order.size() * total);
         const size_t n = std::min<size_t>(next - upto.begin(), N - 1);
         out.push_back(cell_of(tables, pixels[n], centre, tables.channels.of(-along[n].y, along[n].x)));
     }
@@ -49,20 +61,27 @@ std::vector<int64_t> draw(const EdgeFrame& frame, const Lens& lens, const Pose& 
 }
 
 // Sum of a table at offsets from a cell.
-template <class T>
-double sum_under(const T* from, const std::vector<int64_t>& offsets) {
+double sum_under(const float* from, const std::vector<int64_t>& offsets) {
     double sum = 0;
     for (const int64_t offset : offsets) sum += from[offset];
     return sum;
 }
 
-// Sums of a table at offsets from each of so many cells of a row, side by side.
-void sums_along(const uint16_t* from, const std::vector<int64_t>& offsets, size_t cells, std::vector<uint16_t>& sums) {
+// Sums of a table at the first offsets from each of so many cells of a row, side by side.
+void sums_along(const uint16_t* from, const std::vector<int64_t>& offsets, size_t first, size_t cells,
+                std::vector<uint16_t>& sums) {
     sums.assign(cells, 0);
-    for (const int64_t offset : offsets) {
-        const uint16_t* row = from + offset;
+    for (size_t k = 0; k < first; ++k) {
+        const uint16_t* row = from + offsets[k];
         for (size_t c = 0; c < cells; ++c) sums[c] += row[c];
     }
+}
+
+// The least of consecutive numbers.
+uint16_t lowest(const std::vector<uint16_t>& numbers, int64_t first, int64_t last) {
+    uint16_t least = UINT16_MAX;
+    for (const uint16_t* at = numbers.data() + first; at <= numbers.data() + last; ++at) least = std::min(least, *at);
+    return least;
 }
 
 // Consecutive positions of one row of cells.
@@ -108,6 +127,7 @@ struct Ranks {
         rows = last_row - row + bottom - top + 1;
         columns = last_column - column + right - left + 1;
         std::vector<float> reached;
+        reached.reserve(t.channels.count() * rows * columns);
         for (int64_t c = 0; c < t.channels.count(); ++c)
             for (int64_t y = 0; y < rows; ++y) {
                 const float* begin = t.distances + ((c * t.rows + row + top + y) * t.columns + column + left);
@@ -115,7 +135,8 @@ struct Ranks {
             }
         const double highest = std::max<double>(1e-9, *std::max_element(reached.begin(), reached.end()));
         scale = std::max(std::floor(65535.0 / samples), 1.0) / highest;
-        for (const float cost : reached) costs.push_back(static_cast<uint16_t>(std::max(0.0f, cost) * scale + 0.5));
+        costs.resize(reached.size());
+        for (size_t k = 0; k < costs.size(); ++k) costs[k] = static_cast<uint16_t>(std::max(0.0f, reached[k]) * scale + 0.5);
     }
     int64_t place(int64_t cell) const { return (cell / tables.columns - row) * columns + cell % tables.columns - column; }
     int64_t offset(int64_t cell) const {
@@ -183,9 +204,10 @@ int64_t SlideTables::cell_of(const Pixel& place) const {
 
 std::vector<Slid> slid(const EdgeFrame& frame, const Lens& lens, const std::vector<Pose>& yaws, const Vec3& centre,
                        const SlideTables& tables, const std::vector<Pixel>& places, const SlideRules& rules) {
+    const std::vector<int> order = spread_order(rules.samples);
     std::vector<std::vector<int64_t>> drawings;
     for (const Pose& yaw : yaws)
-        drawings.push_back(draw(frame, lens, yaw, project(lens, yaw.R * centre + yaw.t), tables, rules.samples));
+        drawings.push_back(draw(frame, lens, yaw, project(lens, yaw.R * centre + yaw.t), tables, order));
     std::vector<int64_t> from;
     for (const Pixel& p : places) from.push_back(tables.cell_of(p));
     const Ranks ranks(tables, from, drawings, rules.samples);
@@ -199,12 +221,26 @@ std::vector<Slid> slid(const EdgeFrame& frame, const Lens& lens, const std::vect
     for (size_t yaw = 0; yaw < yaws.size(); ++yaw) {
         drawn.clear();
         for (const int64_t offset : drawings[yaw]) drawn.push_back(ranks.offset(offset));
-        const double unit = 1 / (ranks.scale * std::max<size_t>(drawn.size(), 1));
+        const size_t all = drawn.size(), quarter = (all + 3) / 4;
         for (const Run& run : runs) {
-            sums_along(ranks.costs.data() + run.from, drawn, run.cells, far);
+            sums_along(ranks.costs.data() + run.from, drawn, quarter, run.cells, far);
+            double limit = cheapest.limit() * ranks.scale;
             for (size_t k = 0; k < run.count; ++k) {
-                const double cost = unit * far[in_ranks[run.first + k] - run.from];
-                if (cost < cheapest.limit()) cheapest.add({static_cast<int>(yaw), static_cast<int>(run.first + k), cost});
+                const int64_t cell = in_ranks[run.first + k];
+                const size_t last = std::min(k + BLOCK, run.count) - 1;
+                // positions whose first quarters cost more than the worst kept one are dropped, most of them together
+                if (k % BLOCK == 0 && lowest(far, cell - run.from, in_ranks[run.first + last] - run.from) > limit * quarter) {
+                    k = last;
+                    continue;
+                }
+                int64_t sum = far[cell - run.from];
+                size_t n = quarter;
+                while (n < all && sum <= limit * n)
+                    for (const size_t next = std::min(n + quarter, all); n < next; ++n)
+                        sum += ranks.costs[cell + drawn[n]];
+                if (sum >= limit * n) continue;
+                cheapest.add({static_cast<int>(yaw), static_cast<int>(run.first + k), sum / (ranks.scale * all)});
+                limit = cheapest.limit() * ranks.scale;
             }
         }
     }
