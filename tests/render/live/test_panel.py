@@ -31,6 +31,13 @@ def test_before_the_first_reading(session):
     assert "No step yet" in panel.steps([])
 
 
+def test_an_image_before_the_first_reading_counts(session):
+    now = Snapshot.of(session)
+    start = replace(now.state.start, weights=np.where(now.state.part == 1, 3.0, 1.0))
+    words = panel.headline(replace(now, state=replace(now.state, start=start)))
+    assert re.fullmatch(r"Before the first reading, bracket_right is most probable \(7\d\.\d %\)\.", words)
+
+
 def test_swatches_have_the_colours_of_what_is_drawn(session):
     now = Snapshot.of(session)
     drawn = {colors.css(p.colour) for p in drawing.state_primitives(now) if p.name.endswith("body")}

@@ -109,7 +109,8 @@ nb::tuple middles(Doubles vertices, Starts triangles, Doubles origin) {
     return nb::make_tuple(array_of(std::move(all), {count, 3}), list_of(std::move(volumes)));
 }
 
-nb::tuple weld(Floats corners) {
+template <class Corners>
+nb::tuple weld(Corners corners) {
     const size_t count = corners.size() / 3;
     if (corners.size() % 3 || count > (size_t(1) << 31)) refuse("corners", "expected less than 2e9 rows of three numbers");
     std::vector<double> vertices;
@@ -147,7 +148,8 @@ void offer_meshes(nb::module_& m) {
     m.def("near_pairs", &near, "points"_a, "distance"_a);
     m.def("simplify", &simplified, "vertices"_a, "triangles"_a, "faces"_a, "tolerance"_a, "tilt"_a);
     m.def("triangle_geometry", &normals_and_areas, "vertices"_a, "triangles"_a);
-    m.def("weld", &weld, "corners"_a);
+    m.def("weld", &weld<Floats>, "corners"_a);
+    m.def("weld", &weld<Doubles>, "corners"_a);
 }
 
 }  // namespace tanteo

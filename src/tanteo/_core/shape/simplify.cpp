@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "shape/shape.hpp"
 
@@ -11,6 +12,7 @@ constexpr double WORTHWHILE = 0.01;  // least fraction of the vertices that a fu
 constexpr double NEEDLE = 0.01;      // least ratio of height to longest side of a new triangle
 constexpr double SHORT = 0.01;       // cost of the length of a collapsed edge, over that of its height: it chooses on planes
 constexpr int TRIED = 3;             // number of adjacent vertices that are tried
+constexpr int OCTAVES = 60;          // costs are sorted by powers of two up to this one [m]
 
 Simplifier::Simplifier(const std::vector<Vec3>& points, const int* corners, const int* face_of, size_t count)
     : triangles(corners, corners + 3 * count), rows(count), vertices(points), faces(face_of), normals(points.size()),
@@ -232,11 +234,7 @@ void Simplifier::move(int u, int v) {
 size_t Simplifier::pass(double tolerance, double cosine) {
     connect();
     touched.assign(vertices.size(), 0);
-    struct Choice {
-        float cost;
-        int u;
-    };
-    std::vector<Choice> choices;
+    std::vector<int> all, octaves;  // vertices that may be removed, and the octave of their cost
     const auto cost_of = [&](int u, int v) {
         const Vec3 way = vertices[v] - vertices[u];
         double height = std::fabs(dot(normals[u], way));
@@ -257,15 +255,18 @@ size_t Simplifier::pass(double tolerance, double cosine) {
                 for (int j = 0; j < 3; ++j)
                     if (const int v = triangles[3 * at_vertex[k] + j]; v != u) least = std::min(least, cost_of(u, v));
         }
-        choices.push_back({static_cast<float>(least), u});
+        all.push_back(u);
+        octaves.push_back(std::clamp(std::ilogb(least), -OCTAVES, OCTAVES) + OCTAVES);
     }
-    std::sort(choices.begin(), choices.end(), [](const Choice& a, const Choice& b) {
-        return a.cost != b.cost ? a.cost < b.cost : a.u < b.u;
-    });
+    // Cheap vertices first; those of one octave stay in the order of the mesh, where adjacent ones share memory.
+    std::vector<size_t> starts(2 * OCTAVES + 2, 0);
+    for (const int octave : octaves) ++starts[octave + 1];
+    std::partial_sum(starts.begin(), starts.end(), starts.begin());
+    std::vector<int> choices(all.size());
+    for (size_t k = 0; k < all.size(); ++k) choices[starts[octaves[k]]++] = all[k];
     size_t removed = 0;
     std::vector<std::pair<double, int>> targets;
-    for (const Choice& choice : choices) {
-        const int u = choice.u;
+    for (const int u : choices) {
         if (touched[u]) continue;
         if (!find_ring(u)) {
             fixed[u] = 1;

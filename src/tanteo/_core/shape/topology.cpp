@@ -147,9 +147,10 @@ std::vector<int64_t> near_pairs(const double* points, size_t count, double dista
     return out;
 }
 
-std::vector<int64_t> welded(const float* rows, size_t count, std::vector<double>& different) {
+template <class Number, class Bits>
+std::vector<int64_t> welded(const Number* rows, size_t count, std::vector<double>& different) {
     struct Key {
-        uint32_t x, y, z;
+        Bits x, y, z;
     };
     size_t slots = 16;
     while (slots < count) slots *= 2;  // a closed mesh has a vertex for six corners
@@ -171,8 +172,8 @@ std::vector<int64_t> welded(const float* rows, size_t count, std::vector<double>
         }
     };
     for (size_t i = 0; i < count; ++i) {
-        float row[3];
-        for (int k = 0; k < 3; ++k) row[k] = rows[3 * i + k] + 0.0f;
+        Number row[3];
+        for (int k = 0; k < 3; ++k) row[k] = rows[3 * i + k] + Number(0);
         Key key;
         std::memcpy(&key, row, sizeof key);
         size_t slot = hash(key) & (slots - 1);
@@ -184,12 +185,20 @@ std::vector<int64_t> welded(const float* rows, size_t count, std::vector<double>
         if (table[slot] < 0) {
             table[slot] = static_cast<int32_t>(keys.size());
             keys.push_back(key);
-            for (const float x : row) different.push_back(x);
+            for (const Number x : row) different.push_back(x);
         }
         out[i] = table[slot];
         if (2 * keys.size() > slots) rehash();
     }
     return out;
+}
+
+std::vector<int64_t> welded(const float* rows, size_t count, std::vector<double>& different) {
+    return welded<float, uint32_t>(rows, count, different);
+}
+
+std::vector<int64_t> welded(const double* rows, size_t count, std::vector<double>& different) {
+    return welded<double, uint64_t>(rows, count, different);
 }
 
 void triangle_geometry(const double* vertices, const int64_t* triangles, size_t count, double* normals, double* areas) {

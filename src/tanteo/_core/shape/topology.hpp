@@ -30,6 +30,7 @@ std::vector<int64_t> near_pairs(const double* points, size_t count, double dista
 // Number of each row of three numbers among the different ones in the order of their first occurrence, which are appended
 // to `different`; -0 equals 0.
 std::vector<int64_t> welded(const float* rows, size_t count, std::vector<double>& different);
+std::vector<int64_t> welded(const double* rows, size_t count, std::vector<double>& different);
 
 // Angle between the normals of the triangles at each pair of rows.
 void angles_between(const double* normals, const int64_t* left, const int64_t* right, size_t count, double* angles);

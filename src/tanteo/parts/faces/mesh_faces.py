@@ -47,7 +47,7 @@ def sort_faces(vertices: FloatArray, triangles: IntArray) -> Draft:
     facets = find_facets(vertices, triangles, edges)
     runs = _crumbs(facets, _scans(facets, _runs(facets)), float(np.linalg.norm(np.ptp(vertices, axis=0))))
     faces, kinds = _named(vertices, triangles, facets, runs)
-    return Draft(vertices, triangles, faces[facets.of_triangle], kinds, None)
+    return Draft(vertices, triangles, faces[facets.of_triangle], kinds, None, edges)
 
 
 def label_faces(vertices: FloatArray, triangles: IntArray, numbers: IntArray) -> Draft:

@@ -24,7 +24,7 @@ def build_part(draft: Draft, *, name: str, source: str, unit: str, repairs: tupl
         unit: length unit of the file.
         repairs: one sentence for each repair.
     """
-    links = mesh_edges(draft.triangles)
+    links = draft.edges or mesh_edges(draft.triangles)
     faces = build_faces(draft, links)
     planes = build_planes(draft, faces, links)
     edges, corners = build_edges(draft, faces, links)

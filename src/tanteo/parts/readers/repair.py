@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.errors import PartError
 from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.parts.faces.crossings import crossings
@@ -14,10 +15,10 @@ from tanteo.parts.readers.topology import (
     compacted,
     directed_edges,
     edge_counts,
+    first_rows,
     longest_sides,
     near_groups,
     triangle_geometry,
-    unique_rows,
     volume_and_centroid,
 )
 
@@ -54,31 +55,38 @@ def sound_mesh(vertices: FloatArray, triangles: IntArray, label: str) -> tuple[F
     diagonal = float(np.linalg.norm(used.max(axis=0) - used.min(axis=0)))
     if diagonal == 0.0:
         raise PartError(f"{label}: expected a part, got {len(used)} points in one place. Export it again.")
-    points, faces, repairs = _merged(vertices, triangles, diagonal)
+    points, faces, repairs, closed = _merged(vertices, triangles, diagonal)
     if not len(faces) or triangle_geometry(points, faces)[1].sum() < 1e-9 * diagonal**2:
         raise PartError(f"{label}: expected a surface, got triangles without area. Export the part as a solid.")
-    points, faces = _manifold(points, faces, diagonal, repairs)
-    return (*_wound(points, faces, repairs, diagonal), repairs)
+    if not closed:
+        points, faces = _manifold(points, faces, diagonal, repairs)
+        closed = not open_edges(faces)
+    return (*_wound(points, faces, repairs, diagonal, closed=closed), repairs)
 
 
-def _merged(vertices: FloatArray, triangles: IntArray, diagonal: float) -> tuple[FloatArray, IntArray, list[str]]:
-    """Merge vertices by the smallest distance that closes the mesh, or that leaves the fewest open edges."""
-    best: tuple[int, FloatArray, IntArray, list[str]] | None = None
+def _merged(vertices: FloatArray, triangles: IntArray, diagonal: float) -> tuple[FloatArray, IntArray, list[str], bool]:
+    """Merge vertices by the smallest distance that closes the mesh, or that leaves the fewest open edges.
+
+    Returns:
+        Vertices, triangles, one sentence for each repair, and whether each edge has two triangles of one winding.
+    """
+    best: tuple[int, bool, FloatArray, IntArray, list[str]] | None = None
     for step in MERGE_STEPS:
         points, faces, repairs = _cleaned(vertices, triangles, step * diagonal, diagonal)
-        gaps = open_edges(faces) if len(faces) else len(triangles)
+        _, ahead, back = edge_counts(faces)
+        gaps = int(((ahead + back) % 2 == 1).sum()) if len(faces) else len(triangles)
         if best is None or gaps < best[0]:
-            best = gaps, points, faces, repairs
+            best = gaps, bool(((ahead == 1) & (back == 1)).all()), points, faces, repairs
         if not gaps:
             break
     assert best is not None
-    gaps, points, faces, repairs = best
+    gaps, closed, points, faces, repairs = best
     if gaps and len(faces):
         faces, split = split_sides(points, faces, MERGE_STEPS[-1] * diagonal)
         if split:
             repairs.append(f"Split {split} triangles at corners of others that lie on their sides; no point moved.")
             faces = _without_duplicates(faces)
-    return points, faces, repairs
+    return points, faces, repairs, closed
 
 
 def _manifold(points: FloatArray, faces: IntArray, diagonal: float, repairs: list[str]) -> tuple[FloatArray, IntArray]:
@@ -101,9 +109,11 @@ def _manifold(points: FloatArray, faces: IntArray, diagonal: float, repairs: lis
     return points, faces
 
 
-def _wound(points: FloatArray, faces: IntArray, repairs: list[str], diagonal: float) -> tuple[FloatArray, IntArray]:
+def _wound(
+    points: FloatArray, faces: IntArray, repairs: list[str], diagonal: float, *, closed: bool
+) -> tuple[FloatArray, IntArray]:
     """Orient the surface outward, unite its bodies, and note unknown sides and self-intersections."""
-    if open_edges(faces):
+    if not closed:
         points, faces, _, steps = with_sides(points, faces)
     else:
         consistent = "Made the winding of the triangles consistent." not in repairs
@@ -126,13 +136,11 @@ def merge_vertices(points: FloatArray, distance: float) -> tuple[FloatArray, Int
         distance: merge distance.
 
     Returns:
-        Merged points and, for each given point, the index of its merged point.
+        Merged points in the order of their first, and for each given point the index of its merged point.
     """
-    rows, index = unique_rows(points)
-    labels = near_groups(points[rows], distance)
-    first = np.full(int(labels.max(initial=-1)) + 1, len(labels))
-    np.minimum.at(first, labels, np.arange(len(labels)))
-    return points[rows[first]], labels[index]
+    different, index = _core.weld(np.ascontiguousarray(points, dtype=np.float64))
+    labels = near_groups(different, distance)
+    return different[first_rows(labels)], labels[index]
 
 
 def _cleaned(
@@ -159,9 +167,12 @@ def _without_duplicates(faces: IntArray) -> IntArray:
     """Keep one of equal triangles, and drop both of a pair with opposite winding (a wall without thickness)."""
     if not len(faces):
         return faces
-    order = np.argsort(faces, axis=1)
-    even = (order == [0, 1, 2]).all(1) | (order == [1, 2, 0]).all(1) | (order == [2, 0, 1]).all(1)
-    first, group = unique_rows(np.sort(faces, axis=1))
+    low, high = faces.min(axis=1), faces.max(axis=1)
+    group = _core.weld(np.stack([low, faces.sum(axis=1) - low - high, high], axis=1).astype(np.float64))[1]
+    first = first_rows(group)
+    if len(first) == len(faces):
+        return faces
+    even = np.sum(faces < np.roll(faces, -1, axis=1), axis=1) == 2  # a turn of ascending corners
     net = np.bincount(group, weights=np.where(even, 1.0, -1.0))
     # if every triangle has its opposite, the mesh is a sheet modelled from both sides
     kept = net != 0.0 if (net != 0.0).any() else np.ones(len(first), dtype=np.bool_)

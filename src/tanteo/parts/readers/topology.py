@@ -60,6 +60,15 @@ def unique_rows(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
     return _core.key_sets(np.ascontiguousarray(sets, dtype=np.int64))
 
 
+def first_rows(labels: IntArray) -> IntArray:
+    """Return the first row with each label ``(m,)``.
+
+    Args:
+        labels: labels from 0, numbered by their first row ``(n,)``.
+    """
+    return np.flatnonzero(np.diff(np.maximum.accumulate(labels), prepend=-1))
+
+
 def compacted(indices: IntArray) -> tuple[IntArray, IntArray]:
     """Return the indices that occur, in ascending order, and the position of each given index among them.
 
@@ -217,6 +226,7 @@ class Draft:
         kinds: surface kind of each face with the fields of :class:`Face` that describe it.
         round_edges: mesh edges (lower vertex first) that are chords of a curved edge ``(R, 2)``; None if unknown, as
             for a mesh file.
+        edges: edges of the mesh; None if they were not computed.
     """
 
     vertices: FloatArray
@@ -224,6 +234,7 @@ class Draft:
     triangle_face: IntArray
     kinds: tuple[tuple[SurfaceKind, dict[str, Any]], ...]
     round_edges: IntArray | None
+    edges: MeshEdges | None = None
 
 
 def scaled(draft: Draft, factor: float) -> Draft:

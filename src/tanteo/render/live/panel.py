@@ -20,6 +20,9 @@ from tanteo.words.findings import Finding, Leader, NoPartLeft, NothingSensedYet,
 _BARS = 5
 """Number of parts with a bar of their own."""
 
+_EVEN = 1.01
+"""Numerical: largest ratio of the probability of a part to the mean of all at which the parts are equally probable."""
+
 _LINES = 8
 """Number of listed steps, the last ones."""
 
@@ -55,11 +58,14 @@ def leader(now: Snapshot) -> Finding:
         now: session at one moment.
     """
     best = int(now.order[0])
+    shares = now.state.of_parts()
+    probability = float(shares[best])
     if not now.steps:
-        return NothingSensedYet(len(now.names), now.names[best])
+        even = probability <= _EVEN * shares.mean()
+        return NothingSensedYet(len(now.names), now.names[best], None if even else probability)
     if not len(now.state.weights):
         return NoPartLeft()
-    return Leader(now.names[best], float(now.state.of_parts()[best]), now.decided, float(now.steps[-1].corner_sd))
+    return Leader(now.names[best], probability, now.decided, float(now.steps[-1].corner_sd))
 
 
 def status(now: Snapshot, note: str = "", help_: str = "", rival: str = "") -> str:

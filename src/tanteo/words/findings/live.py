@@ -15,11 +15,13 @@ class NothingSensedYet(Finding):
     Attributes:
         parts: number of parts that may be there.
         drawn: name of the part that the page draws.
+        probability: its prior probability, as after an image; None if all parts are equally probable.
     """
 
     kind: ClassVar[str] = "nothing_sensed_yet"
     parts: int
     drawn: str
+    probability: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

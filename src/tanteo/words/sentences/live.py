@@ -17,6 +17,8 @@ def _spread(corner_sd: float) -> str:
 def _(one: f.NothingSensedYet) -> Words:
     if one.parts < 2:
         return "No reading yet.", ""
+    if one.probability is not None:
+        return f"Before the first reading, {one.drawn} is most probable ({percent(one.probability)}).", ""
     return f"No reading yet: {one.parts} parts may be here, {one.drawn} is drawn.", ""
 
 
