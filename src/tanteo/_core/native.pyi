@@ -121,6 +121,20 @@ def propose(
     keep: int,
     seeds: Numbers,
 ) -> tuple[FloatArray, Indices]: ...
+def assigned_poses(
+    shape: Shape,
+    problem: Problem,
+    rows: AnyInts,
+    mean: FloatArray,
+    information: FloatArray,
+    gate: float,
+    cost: float,
+    gap: float,
+    noise: float,
+    outliers: int,
+    nodes: int,
+    keep: int,
+) -> tuple[FloatArray, FloatArray, int, bool]: ...
 def scores(
     shape: Shape,
     problem: Problem,

@@ -18,6 +18,7 @@
 #include "solve/likelihood.hpp"
 #include "normal.hpp"
 #include "proposals/overlaps.hpp"
+#include "proposals/assignments.hpp"
 #include "proposals/propose.hpp"
 #include "solve/sample.hpp"
 #include "parallel.hpp"
@@ -350,6 +351,25 @@ std::tuple<Out, OutInts> proposed(const Shape& shape, const Problem& problem, In
     return {poses_out(out), list_of(std::move(from))};
 }
 
+// Poses with points on faces near a mean pose, their scores, the number of nodes, and whether all assignments were tried.
+std::tuple<Out, Out, int, bool> assigned(const Shape& shape, const Problem& problem, Ints rows, Doubles mean, Doubles information,
+                                         double gate, double cost, double gap, double noise, int outliers, int nodes, int keep) {
+    const std::vector<int> which = expect(rows, "rows", ANY, 0, int64_t(problem.factors.size()) - 1);
+    expect(mean, "mean", {4, 4});
+    expect(information, "information", {6, 6});
+    PoseRegion region{load_pose(mean.data()), {}};
+    std::copy_n(information.data(), 36, region.information);
+    AssignedPoses found;
+    {
+        nb::gil_scoped_release release;
+        found = assigned_poses(shape, problem, which, region, {gate, cost, gap, noise, outliers, nodes, keep});
+    }
+    std::vector<Pose> out;
+    std::vector<double> scores;
+    for (const AssignedPose& one : found.best) out.push_back(one.pose), scores.push_back(one.score);
+    return {poses_out(out), list_of(std::move(scores)), found.nodes, found.complete};
+}
+
 Out scores(const Shape& shape, const Problem& problem, Ints rows, Doubles Ts, double blur, double tilt) {
     const std::vector<Pose> all = poses(Ts);
     std::vector<double> out;
@@ -638,6 +658,8 @@ NB_MODULE(native, m) {
     m.def("details", &details, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("propose", &proposed, "shape"_a, "problem"_a, "rows"_a, "pairs"_a, "per_pair"_a, "spins"_a, "tolerance"_a,
           "blur"_a, "tilt"_a, "keep"_a, "seeds"_a);
+    m.def("assigned_poses", &assigned, "shape"_a, "problem"_a, "rows"_a, "mean"_a, "information"_a, "gate"_a, "cost"_a, "gap"_a,
+          "noise"_a, "outliers"_a, "nodes"_a, "keep"_a);
     m.def("scores", &scores, "shape"_a, "problem"_a, "rows"_a, "poses"_a, "blur"_a, "tilt"_a);
     m.def("refine_poses", &refined, "shape"_a, "problem"_a, "rows"_a, "scales"_a, "poses"_a,
           "offset_sd"_a = 0.0, "with_distances"_a = false, "known"_a = 1e300);

@@ -1,4 +1,4 @@
-"""Built-in proposers of known poses, poses of planes and centres, and half turns and slides of maxima.
+"""Built-in proposers of known poses, poses of planes, centres and assigned faces, and half turns and slides of maxima.
 
 A nearly symmetric part after a half turn, or a part slid to the next step or wall, explains many of the same points
 (decisions 51 and 52). Similar parts share their frames (decision 52).
@@ -11,16 +11,17 @@ from typing import final
 
 import numpy as np
 
-from tanteo.geometry import SE3
+from tanteo import _core
+from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.posterior.details import details_at
 from tanteo.posterior.prepared import PreparedPart
-from tanteo.posterior.problem import Problem
+from tanteo.posterior.problem import PoseMixture, Problem
 from tanteo.posterior.proposals.centre_triples import from_centres
 from tanteo.posterior.proposals.plane_votes import cost_margin, plane_poses
-from tanteo.posterior.proposals.proposer import BITS, EARLIER, InitialPoses, Proposer, SearchState
+from tanteo.posterior.proposals.proposer import BITS, EARLIER, EXHAUSTIVE, InitialPoses, Proposer, SearchState
 from tanteo.posterior.proposals.sensed_planes import Planes, SensedPlanes, sensed_planes
-from tanteo.posterior.sampling.peaks import Objective, Peaks, scores_of
+from tanteo.posterior.sampling.peaks import Objective, Peaks, prior_sds, scores_of
 from tanteo.posterior.settings import SearchSettings
 
 
@@ -79,6 +80,70 @@ class PlanePoses(Proposer):
         if state.round or state.exhaustive or not len(state.planes.triples):
             return InitialPoses.none()
         return InitialPoses.exhaustive(poses_on_planes(state.planes, state.objective))
+
+
+_NODES = 1000
+"""Numerical: assignments of some of the points that are tried, about 10 ms; 3 mm and 2 degrees need about 30."""
+
+_WIDEST_TURN = 0.2
+"""Numerical: standard deviation of a turn up to which positions are nearly linear in it [rad]."""
+
+
+@final
+class FaceAssignments(Proposer):
+    """Proposer of the poses at which all points are on faces, near the prior poses, by a tree search.
+
+    Exact points under a coarse prior have many maxima, one for each assignment of points to faces that fits. Each is
+    as narrow as the noise, so that samples of the prior rarely lead to all of them. A tree search over the assignments
+    finds them (Grimson and Lozano-Perez 1984).
+    """
+
+    name = "assignments"
+
+    def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
+        """Propose these poses in the first round; if none has all points on faces, those with one outlier."""
+        known = problem.mixture(part)
+        if state.round or known is None or not len(state.objective.rows) or not _is_coarse(known, problem, part):
+            return InitialPoses.none()
+        Ts, complete = _assigned(problem, part, state, known, outliers=0)
+        if complete and not len(Ts):
+            Ts, complete = _assigned(problem, part, state, known, outliers=1)
+        source = EXHAUSTIVE if complete else 1 << int(state.rng.integers(BITS))
+        return InitialPoses.refined_poses(Ts, np.full(len(Ts), source, dtype=np.int64))
+
+
+def _is_coarse(known: PoseMixture, problem: Problem, part: PreparedPart) -> bool:
+    """Return whether a prior is wide relative to the noise, and narrow enough for linear covariances of positions.
+
+    Samples of a prior that is hardly wider than the noise lead to all maxima.
+    """
+    turn = float(np.sqrt(np.linalg.eigvalsh(known.covariances[:, 3:, 3:])[:, -1].max()))
+    noise = problem.settings.search.gate * float(np.median(problem.points.residual_sd))
+    return turn < _WIDEST_TURN and float(prior_sds(known.covariances, part).max()) > noise
+
+
+def _assigned(
+    problem: Problem, part: PreparedPart, state: SearchState, known: PoseMixture, *, outliers: int
+) -> tuple[Transforms, bool]:
+    """Return the poses of assignments near the prior poses, best first, and whether these are all assignments."""
+    own, objective, centre = problem.settings.search, state.objective, part.shape.centre
+    about_centre = np.eye(6)
+    about_centre[:3, 3:] = SO3.hat(centre)
+    noise, left, complete, Ts, scores = float(np.exp(own.noise_fraction * problem.scale_sd)), _NODES, True, [], []
+    for k in np.argsort(-known.log_weights, kind="stable"):
+        information = about_centre.T @ np.linalg.inv(known.covariances[k]) @ about_centre
+        poses, score, nodes, whole = _core.assigned_poses(
+            part.shape, objective.core, objective.rows, np.ascontiguousarray(known.Ts[k]),
+            np.ascontiguousarray(information), own.gate, 5 * own.cost_point, 2 * own.drop_gap, noise, outliers, left,
+            own.maximized,
+        )  # fmt: skip
+        Ts.append(poses)
+        scores.append(score)
+        left, complete = left - nodes, complete and whole
+        if not complete:
+            break
+    best = np.argsort(-np.concatenate(scores), kind="stable")[: own.maximized]
+    return np.ascontiguousarray(np.concatenate(Ts)[best]), complete
 
 
 def poses_on_planes(planes: SensedPlanes, objective: Objective) -> Transforms:

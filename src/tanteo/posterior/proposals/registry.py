@@ -5,6 +5,7 @@ from __future__ import annotations
 from tanteo.plugins import Registry
 from tanteo.posterior.proposals.built_in import (
     CentreTriples,
+    FaceAssignments,
     FactorPoses,
     HalfTurnsAndSlides,
     KnownPoses,
@@ -14,7 +15,7 @@ from tanteo.posterior.proposals.drawn import PointPairs, PriorSamples
 from tanteo.posterior.proposals.outlier_poses import OutlierPoses
 from tanteo.posterior.proposals.proposer import Proposer
 
-_FIRST = PointPairs(), CentreTriples(), FactorPoses(), KnownPoses(), PlanePoses(), PriorSamples()
+_FIRST = PointPairs(), CentreTriples(), FactorPoses(), KnownPoses(), PlanePoses(), FaceAssignments(), PriorSamples()
 _LAST = HalfTurnsAndSlides(), OutlierPoses()
 
 PROPOSERS: Registry[Proposer] = Registry("tanteo.proposals", Proposer, {one.name: one for one in (*_FIRST, *_LAST)})
