@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.geometry import SO3
 from tanteo.geometry.typing import FloatArray, IntArray, Vectors
 from tanteo.sensors.measurements import PointMeasurements
@@ -114,17 +115,11 @@ def _repeats(readings: Readings) -> list[IntArray]:
 
 def _near_each_other(places: FloatArray) -> list[IntArray]:
     """Return the sets of three places or more within one unit of each other, whose extent is up to two units."""
-    from scipy.spatial import KDTree  # slow to import
-
-    n = len(places)
-    pairs = KDTree(places).query_pairs(1.0 - _ROUNDING, p=np.inf, output_type="ndarray")
-    if len(pairs) < _REPEATS - 1:
+    first, second = _core.near_pairs(np.ascontiguousarray(places[:, :3]), np.sqrt(3)).T
+    near = np.abs(places[first] - places[second]).max(axis=1, initial=0.0) <= 1.0 - _ROUNDING
+    if near.sum() < _REPEATS - 1:
         return []
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n))
-    owner = connected_components(graph, directed=False)[1]
+    owner = _core.components(len(places), np.ascontiguousarray(first[near]), np.ascontiguousarray(second[near]))
     counts = np.bincount(owner, minlength=1)
     sets = [np.flatnonzero(owner == k) for k in np.flatnonzero(counts >= _REPEATS)]
     return [members for members in sets if np.all(np.ptp(places[members], axis=0) <= [2, 2, 1, 0, 0])]
