@@ -22,16 +22,16 @@ MOST = {
     "files with checks of a kind in C++": 0,
     "checks of a kind in Python": 0,
     "files with checks of a kind in Python": 0,
-    "code lines of Python in the judged packages": 13286,
-    "code lines of C++": 12581,
+    "code lines of Python in the judged packages": 13435,
+    "code lines of C++": 12809,
     "exported names": 450,
     "exported names without a user": 0,
-    "words of docs": 44826,
+    "words of docs": 45073,
     "live decisions": 40,
 }
 """Largest accepted figures. Lines and words may grow with new capabilities; the others may only fall."""
 
-ENTERED = 89
+ENTERED = 90
 """Largest accepted number of files that the second call of ``identify`` enters."""
 
 

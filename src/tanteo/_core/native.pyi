@@ -135,6 +135,9 @@ def assigned_poses(
     nodes: int,
     keep: int,
 ) -> tuple[FloatArray, FloatArray, int, bool]: ...
+def placements(
+    shape: Shape, points: FloatArray, offsets: FloatArray, sds: FloatArray, seed: int
+) -> tuple[FloatArray, FloatArray, Indices]: ...
 def scores(
     shape: Shape,
     problem: Problem,

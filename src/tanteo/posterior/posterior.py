@@ -13,12 +13,13 @@ from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.posterior.candidate_pruning import Unsearched, prune
 from tanteo.posterior.details import details_at
 from tanteo.posterior.near_variants import log_density_of_near_variant
-from tanteo.posterior.part_search import PartSearch, common_random_numbers, start_search
+from tanteo.posterior.part_search import PartSearch, common_random_numbers, start_search, start_searches
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals import BITS, InitialPoses
 from tanteo.posterior.sampling.modes import Mode, modes_of
 from tanteo.posterior.sampling.peaks import Objective, Peaks, log_missed
+from tanteo.posterior.sampling.placements import Placements, are_placeable, integrate
 from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.posterior.sampling.sampling import sample
 from tanteo.posterior.symmetry import log_orbit
@@ -80,8 +81,37 @@ def infer(
     """
     prior = float(np.log1p(-problem.priors.unknown) - np.log(max(count, 1)))
     anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid, area)
+    whole = unsearched is None or not unsearched.count
+    if whole and are_placeable(problem) and not any(problem.may_fix(part.part) for part in parts):
+        placed = _integrated(problem, parts, prior, anywhere, rng)
+        if placed is not None:
+            return placed
     searches, unseen = prune(problem, parts, anywhere - prior, rng, known, exhaustive=exhaustive, unsearched=unsearched)
     return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng, log_left_out=unseen + prior)
+
+
+def _integrated(
+    problem: Problem, parts: Sequence[PreparedPart], prior: float, anywhere: float, rng: np.random.Generator
+) -> Posterior | None:
+    """Return the posterior of few touches by an integral over all poses; None if no part can be placed on them."""
+    searches = start_searches(problem, parts, common_random_numbers(rng, len(parts)))
+    placed = []
+    for search in searches:
+        constant = problem.log_pose_density(search.objective.prepared) + prior + search.log_odds
+        placed.append(Placements(search.objective, search.rng, constant))
+    integrate(placed, anywhere)
+    if max(one.ess for one in placed) < problem.settings.samples.shape:
+        return None
+    modes, variants = [], []
+    for search, one in zip(searches, placed, strict=True):
+        search.peaks = one.maxima() if len(one.Ts) else search.peaks
+        if len(search.peaks):
+            modes.append(one.mode(search.peaks))
+            variants.append(
+                _log_variant(one.objective, search.peaks.take(np.zeros(1, dtype=np.int64)), np.array([one.log_mass]))
+            )
+    priors = np.full(len(searches), prior)
+    return _posterior(problem, searches, priors, anywhere, modes, variants, followed=True)
 
 
 def search_about(
@@ -190,6 +220,22 @@ def weigh(
         modes += own_modes
         masses = np.array([mode.log_mass for mode in own_modes])
         variants.append(_log_variant(sampler.objective, _at_peaks(own_modes, sampler), masses))
+    return _posterior(problem, searches, priors, anywhere, modes, variants, log_left_out, followed=followed)
+
+
+def _posterior(
+    problem: Problem,
+    searches: Sequence[PartSearch],
+    priors: FloatArray,
+    anywhere: float,
+    modes: list[Mode],
+    variants: Sequence[float],
+    log_left_out: float = -np.inf,
+    *,
+    followed: bool,
+) -> Posterior:
+    """Return the posterior of modes and near variants of parts, normalized over all parts; see :func:`weigh`."""
+    negligible = problem.settings.search.negligible
     given_unknown = np.array(variants) - np.log1p(-problem.priors.unknown)
     # only points distinguish near variants of parts (decision 87)
     own = log_unknown(anywhere, given_unknown, problem.priors) if len(problem.points) else anywhere

@@ -42,6 +42,7 @@ void offer_outlines(nb::module_& m);  // outlines_bindings.cpp
 void offer_meshes(nb::module_& m);  // mesh_bindings.cpp
 void offer_planes(nb::module_& m);  // planes_bindings.cpp
 void offer_axes(nb::module_& m);  // axes_bindings.cpp
+void offer_placements(nb::module_& m);  // placement_bindings.cpp
 void offer_rounds(nb::module_& m);  // rounds_bindings.cpp
 }
 
@@ -681,4 +682,5 @@ NB_MODULE(native, m) {
     offer_planes(m);
     offer_axes(m);
     offer_rounds(m);
+    offer_placements(m);
 }

@@ -45,12 +45,18 @@ class Density:
         """Return log densities at poses ``(N,)``, and the other states there ``(N, D)``."""
         objective, prepared = self.objective, self.objective.prepared
         log, zs = _core.marginals(prepared.shape, objective.core, Ts, np.ascontiguousarray(zs))
-        # subtract the density with no point on the part, equal at all poses; with a prior pose nothing is subtracted:
-        # the part may be at its prior pose without a reading on it
-        log = log + np.log(np.maximum(-np.expm1(np.minimum(self.log_untouched - log, 0.0)), 1e-300))
-        log += self.log_constant
+        log = self.touched(log)
         if is_gauge_fixed(prepared, named=objective.named):
             log += log_gauge(prepared, Ts, self.T)
         if (pose := objective.problem.priors.pose) is not None:
             log[~in_box(pose, prepared.part, Ts)] = -np.inf
         return log, zs
+
+    def touched(self, log: FloatArray) -> FloatArray:
+        """Return log densities of the core with the prior, and without the density with no point on the part.
+
+        The latter is equal at all poses. With a prior pose nothing is subtracted: the part may be at its prior pose
+        without a reading on it.
+        """
+        log = log + np.log(np.maximum(-np.expm1(np.minimum(self.log_untouched - log, 0.0)), 1e-300))
+        return np.asarray(log + self.log_constant)
