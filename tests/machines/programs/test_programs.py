@@ -221,3 +221,10 @@ def test_a_3_axis_machine_does_not_touch_from_below(part):
 def test_an_unknown_controller_is_named(jobs):
     with pytest.raises(InputError, match="Did you mean 'linuxcnc'"):
         write_program("linuxnc", jobs["ur"])
+
+
+def test_a_file_in_place_of_a_controller_names_the_way():
+    with pytest.raises(
+        InputError, match=r"expected one of linuxcnc, .* A file is written by '--program linuxcnc > FILE'"
+    ):
+        write_program("probe.ngc", None)

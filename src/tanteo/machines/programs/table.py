@@ -59,7 +59,8 @@ def program_language(name: str) -> ProgramLanguage:
     found = PROGRAMS.find(name)
     if found is None:
         known = PROGRAMS.names()
-        raise InputError(f"--program: expected one of {', '.join(known)}, got '{name}'.{did_you_mean(name, known)}")
+        advice = did_you_mean(name, known) or f" A file is written by '--program {known[0]} > FILE'."
+        raise InputError(f"--program: expected one of {', '.join(known)}, got '{name}'.{advice}")
     return found
 
 
