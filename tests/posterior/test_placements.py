@@ -75,3 +75,10 @@ def test_seeds_agree_on_three_touches():
         assert np.ptp(P, axis=0).max() < 0.08
         assert np.abs(P.sum(axis=1) + [answer.unknown_probability for answer in answers] - 1).max() < 1e-6
         assert {answer.status for answer in answers} == {"insufficient"}
+
+
+def test_three_touches_wider_than_any_part_have_an_answer():
+    readings = tanteo.Readings.from_columns(20 * TOUCHES, sds=np.full(3, 1e-4))
+    answer = tanteo.identify(readings, [tanteo.read_part(EXAMPLES / "block.step")])
+    assert answer.status != "recognized"
+    assert answer.unknown_probability > 0.5

@@ -100,7 +100,7 @@ def _integrated(
         constant = problem.log_pose_density(search.objective.prepared) + prior + search.log_odds
         placed.append(Placements(search.objective, search.rng, constant))
     integrate(placed, anywhere)
-    if max(one.ess for one in placed) < problem.settings.samples.shape:
+    if max((one.ess for one in placed), default=0.0) < problem.settings.samples.shape:
         return None
     modes, variants = [], []
     for search, one in zip(searches, placed, strict=True):
