@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+import threading
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -16,7 +17,7 @@ from tanteo.cli import files, typed
 from tanteo.cli.misuse import MisuseError, misuse, require_errors
 from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, warned
 from tanteo.cli.readings import parse_direction, parse_latency, parse_radius, parse_time
-from tanteo.cli.ros_arguments import ROS_ARGS
+from tanteo.cli.ros_arguments import ROS_ARGS, typed_value
 
 if TYPE_CHECKING:
     from tanteo.io.readings import Direction
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from tanteo.planning import Probe
     from tanteo.ros import Intake, RosNode
     from tanteo.ros.estimators import Estimator
+    from tanteo.ros.network import Settings
 else:  # the parser resolves annotations; this name avoids a slow import
     Direction = Any
 
@@ -84,6 +86,9 @@ class TopicOptions:
     sim_time: Annotated[
         bool, _topics("--sim-time", None, "Take the time from /clock, for a simulation or a played bag.")
     ] = False
+    lifecycle: Annotated[
+        bool, _topics("--lifecycle", None, "Wait until ros2 lifecycle configures and activates the node.")
+    ] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,28 +140,80 @@ def ros(options: Options, topics: TopicOptions) -> None:
 
     Subscribes to ranges and touches, and publishes poses with covariance.
     """
-    from tanteo.ros import RosNode
-    from tanteo.ros.network import Settings, opened
+    from tanteo.ros.lifecycle import ManagedNode
+    from tanteo.ros.network import opened
 
-    settings = Settings(
-        topics.node, topics.sim_time, options.max_measurements, options.once, topics.part_frame or "",
-        tuple(ROS_ARGS.get()), _parameters(options, topics),
-    )  # fmt: skip
+    settings, ended = _settings(options, topics), threading.Event()
     with _named(topics.node), opened(settings) as node:
-        parts = files.read_all_parts(options.parts, options.units, quiet=True)
-        known = _estimator(parts, options, topics)
-        server = RosNode(
-            node, _intake(topics), known, {part.name: part for part in parts}, settings,
-            lambda note: complain("warning", note), partial(_heard, options),
-        )  # fmt: skip
-        print_text(f"Listening as node {node.get_fully_qualified_name()}; Ctrl-C ends it.", sys.stderr)
-        with _ended_by_signals(server):
-            answer = server.run()
+        name = node.get_fully_qualified_name()
+        if topics.lifecycle:
+            managed = ManagedNode(node, settings, lambda changed: _server(node, options, topics, changed, ended), ended)
+            print_text(
+                f"Node {name} is unconfigured; configure it with: ros2 lifecycle set {name} configure", sys.stderr
+            )
+            with _ended_by_signals(ended):
+                answer = managed.run()
+        else:
+            server = _server(node, options, topics, {}, ended)
+            print_text(f"Listening as node {name}; Ctrl-C ends it.", sys.stderr)
+            with _ended_by_signals(ended):
+                answer = server.run()
     _print(answer, options)
 
 
+def _settings(options: Options, topics: TopicOptions) -> Settings:
+    from tanteo.ros.network import Settings
+
+    return Settings(
+        topics.node, topics.sim_time, options.max_measurements, options.once, topics.part_frame or "",
+        tuple(ROS_ARGS.get()), _parameters(options, topics), topics.lifecycle,
+    )  # fmt: skip
+
+
+def _server(
+    node: Any, options: Options, topics: TopicOptions, changed: Mapping[str, Any], ended: threading.Event
+) -> RosNode:
+    """Return the server of a node, with parts and estimator.
+
+    Args:
+        node: rclpy node.
+        options: options as typed.
+        topics: options of the topics as typed.
+        changed: parameters that were set since.
+        ended: event that ends the node.
+    """
+    from tanteo.ros import RosNode
+
+    with misuse():
+        options, topics = _with_parameters(options, changed), _with_parameters(topics, changed)
+    parts = files.read_all_parts(options.parts, options.units, quiet=True)
+    return RosNode(
+        node, _intake(topics), _estimator(parts, options, topics), {part.name: part for part in parts},
+        _settings(options, topics), lambda note: complain("warning", note), partial(_heard, options), ended=ended,
+    )  # fmt: skip
+
+
+def _with_parameters(group: Any, changed: Mapping[str, Any]) -> Any:
+    """Return options in which the parameters that were set replace the typed values; empty text is no value."""
+    annotations = get_type_hints(type(group), include_extras=True)
+    values: dict[str, Any] = {}
+    for name in {one.name for one in fields(group)} & set(changed):
+        value = None if changed[name] == "" else changed[name]
+        words = next((extra for extra in annotations[name].__metadata__ if isinstance(extra, typed.Words)), None)
+        if words is None or value is None:
+            values[name] = list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
+        elif isinstance(value, Sequence) and not isinstance(value, str):
+            values[name] = words.read([str(one) for one in value])
+        else:
+            values[name] = words.read(int(value) if words.typed is int else typed_value(name, str(value)))
+    return replace(group, **values)
+
+
 def _parameters(options: Options, topics: TopicOptions) -> dict[str, tuple[Any, str]]:
-    """Return the given options as parameters of the node with descriptions: numbers in SI units, otherwise text."""
+    """Return the options as parameters of the node with descriptions: numbers in SI units, otherwise text.
+
+    Only a node with a lifecycle has parameters that are not given, since only there they can be set.
+    """
     out: dict[str, tuple[Any, str]] = {}
     for group in (options, topics):
         annotations = get_type_hints(type(group), include_extras=True)
@@ -167,6 +224,8 @@ def _parameters(options: Options, topics: TopicOptions) -> dict[str, tuple[Any, 
                 out[one.name] = value, words
             elif isinstance(value, list | tuple) and value and all(isinstance(v, str) for v in value):
                 out[one.name] = list(value), words
+            elif topics.lifecycle:
+                out[one.name] = None, words
     return out
 
 
@@ -236,10 +295,10 @@ def _probe(options: Options, topics: TopicOptions) -> Probe:
 
 
 @contextmanager
-def _ended_by_signals(server: RosNode) -> Iterator[None]:
+def _ended_by_signals(ended: threading.Event) -> Iterator[None]:
     """End the node, and not the process, on Ctrl-C or a termination signal, so that the answer is still printed."""
     numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = {number: signal.signal(number, lambda *_: server.ended.set()) for number in numbers}
+    before = {number: signal.signal(number, lambda *_: ended.set()) for number in numbers}
     try:
         yield
     finally:

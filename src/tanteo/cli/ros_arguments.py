@@ -12,11 +12,12 @@ from tanteo.cli.misuse import MisuseError
 ROS_ARGS: ContextVar[tuple[str, ...]] = ContextVar("ROS_ARGS", default=())
 """Arguments that are passed to ROS: namespace, remappings, log level and parameters that are no options."""
 
-_LENGTHS = ("sd", "tolerance", "bias_sd", "standoff", "radius")
+_LENGTHS = ("sd", "form_sd", "bias_sd", "standoff", "radius", "goal")
 _TIMES = ("latency", "patience", "max_age", "every")
 _TEXTS = (
-    "parts", "table", "box", "pose_prior", "prior", "furniture", "noise_factor", "units", "sensor", "robot", "tip_sd",
-    "rig", "outlier_rate", "unknown_prior", "max_measurements", "seed", "topic", "world", "direction", "part_frame",
+    "parts", "table", "rests", "box", "pose_prior", "prior", "furniture", "noise_factor", "units", "sensor", "robot",
+    "tip_sd", "rig", "outlier_rate", "unknown_prior", "max_measurements", "seed", "topic", "topics", "world",
+    "direction", "part_frame",
 )  # fmt: skip
 _FLAGS = {"once": "once", "sim_time": "sim-time", "use_sim_time": "sim-time", "verbose": "verbose"}
 
@@ -88,6 +89,17 @@ def _option(name: str, value: str) -> tuple[str, ...] | None:
     """Return the option that a parameter means; None if there is none of this name."""
     if name in _FLAGS:
         return ("option", f"--{_FLAGS[name]}") if value.lower() == "true" else ("option",)
+    text = typed_value(name, value)
+    return None if text is None else ("option", f"--{name.replace('_', '-')}".replace("--topics", "--topic"), text)
+
+
+def typed_value(name: str, value: str) -> str | None:
+    """Return the value of a parameter as it would be typed as an option; None if no option has this name.
+
+    Args:
+        name: name of the parameter.
+        value: value; a length or time without a unit is in metres or seconds.
+    """
     unit = "m" if name in _LENGTHS else "s" if name in _TIMES else "" if name in _TEXTS else None
     if unit is None:
         return None
@@ -95,4 +107,4 @@ def _option(name: str, value: str) -> tuple[str, ...] | None:
         float(value)
     except ValueError:
         unit = ""
-    return "option", f"--{name.replace('_', '-')}", value.strip("'\"") + unit
+    return value.strip("'\"") + unit

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -22,7 +23,8 @@ class Settings:
         once: whether the node ends when a part is recognized.
         part_frame: frame of the part that is sent to ``/tf``; empty to send none.
         ros_args: arguments of ROS: namespace, remappings, log level.
-        parameters: read-only parameters of the node with their descriptions: values of the options in SI units.
+        parameters: parameters of the node with their descriptions: values of the options in SI units.
+        managed: whether the node has a lifecycle; only then its parameters can be set.
     """
 
     name: str = "tanteo"
@@ -32,6 +34,7 @@ class Settings:
     part_frame: str = ""
     ros_args: tuple[str, ...] = ()
     parameters: Mapping[str, tuple[Any, str]] = field(default_factory=dict)
+    managed: bool = False
 
 
 @contextmanager
@@ -48,6 +51,7 @@ def opened(settings: Settings) -> Iterator[Any]:
     try:
         import rclpy
         from rcl_interfaces.msg import ParameterDescriptor
+        from rclpy.lifecycle import LifecycleNode
         from rclpy.parameter import Parameter
         from rclpy.signals import SignalHandlerOptions
     except ImportError:
@@ -55,9 +59,11 @@ def opened(settings: Settings) -> Iterator[Any]:
     sim = Parameter("use_sim_time", Parameter.Type.BOOL, settings.simulated)
     try:
         rclpy.init(args=["--ros-args", *settings.ros_args], signal_handler_options=SignalHandlerOptions.NO)
-        node = rclpy.create_node(settings.name, parameter_overrides=[sim])
+        made = LifecycleNode if settings.managed else rclpy.create_node
+        node = made(settings.name, parameter_overrides=[sim])
+        rights = {"read_only": not settings.managed, "dynamic_typing": settings.managed}
         for name, (value, words) in settings.parameters.items():
-            node.declare_parameter(name, value, ParameterDescriptor(description=words, read_only=True))
+            node.declare_parameter(name, value, ParameterDescriptor(description=words, **rights))
     except RuntimeError as error:  # base class of all errors of rclpy
         rclpy.try_shutdown()
         raise InputError(
@@ -69,3 +75,25 @@ def opened(settings: Settings) -> Iterator[Any]:
     finally:
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+def spin(node: Any, ended: threading.Event, step: Callable[[], None], interval: float) -> None:
+    """Run the callbacks of a node until an event is set.
+
+    Args:
+        node: rclpy node.
+        ended: event that ends the callbacks.
+        step: function that is called between callbacks.
+        interval: longest time between two of its calls [s].
+    """
+    from rclpy.executors import MultiThreadedExecutor
+
+    executor = MultiThreadedExecutor(num_threads=2)
+    executor.add_node(node)
+    try:
+        while not ended.is_set():
+            step()
+            executor.spin_once(timeout_sec=interval)
+    finally:
+        ended.set()
+        executor.shutdown()

@@ -20,7 +20,7 @@ from tanteo.posterior import Answer
 from tanteo.ros.estimators import Estimator
 from tanteo.ros.intake import Intake
 from tanteo.ros.messages import next_document, next_pose, part_transform, state_message
-from tanteo.ros.network import Settings
+from tanteo.ros.network import Settings, spin
 from tanteo.ros.types import filled, type_named
 from tanteo.sensors import Readings
 from tanteo.words.findings import Stated
@@ -48,6 +48,7 @@ class RosNode:
         on_answer: callback for every answer.
         answer: latest answer; None before the first.
         ended: event that ends :meth:`run`.
+        active: whether readings are received.
     """
 
     node: Any
@@ -59,9 +60,15 @@ class RosNode:
     on_answer: Callable[[Answer], None] = lambda answer: None
     answer: Answer | None = None
     ended: threading.Event = field(default_factory=threading.Event)
+    active: bool = False
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _updating: threading.Lock = field(default_factory=threading.Lock)
+    _switching: threading.Lock = field(default_factory=threading.Lock)
+    _stopped: threading.Event = field(default_factory=threading.Event)
+    _worker: threading.Thread | None = None
+    _discovered: float = -np.inf
     _subscribed: dict[str, Any] = field(default_factory=dict)
+    _services: list[Any] = field(default_factory=list)
     _out: dict[str, Any] = field(default_factory=dict)
     _delays: deque[float] = field(default_factory=lambda: deque(maxlen=200))
     _notified: int = 0
@@ -73,31 +80,16 @@ class RosNode:
         Raises:
             TanteoError: The messages lack information that must be stated in the options.
         """
-        from rclpy.executors import MultiThreadedExecutor
-
-        self._offer()
-        executor = MultiThreadedExecutor(num_threads=2)
-        executor.add_node(self.node)
-        worker = threading.Thread(target=self._work, name="tanteo", daemon=True)
-        worker.start()
-        discovered = -np.inf
+        self.offer()
+        self.start()
         try:
-            while not self.ended.is_set():
-                if time.monotonic() - discovered > _DISCOVERY:
-                    discovered = time.monotonic()
-                    self._discover()
-                executor.spin_once(timeout_sec=_PROCESSING)
+            spin(self.node, self.ended, self.step, _PROCESSING)
         finally:
-            self.ended.set()
-            worker.join()
-            executor.shutdown()
-        if self._failed is not None:
-            raise self._failed
+            self.stop()
         return self.answer
 
-    def _offer(self) -> None:
-        """Create the publishers and services of the node."""
-        from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+    def offer(self) -> None:
+        """Create the publishers of the node."""
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
         kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -108,22 +100,68 @@ class RosNode:
             self._out[topic] = self.node.create_publisher(type_named(kind), topic, profile), kind
         if self.settings.part_frame:
             self._out["/tf"] = self.node.create_publisher(type_named(_TF), "/tf", _DEPTH), _TF
+
+    def withdraw(self) -> None:
+        """Destroy the publishers of the node."""
+        for publisher, _ in self._out.values():
+            self.node.destroy_publisher(publisher)
+        self._out.clear()
+
+    def start(self) -> None:
+        """Offer the services, and receive readings from the next :meth:`step` on.
+
+        Raises:
+            MissingExtraError: the package of the services is not installed.
+        """
+        from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+
         try:
             from std_srvs.srv import Trigger
         except ImportError:
             raise MissingExtraError("std_srvs/srv/Trigger: expected the ROS package std_srvs, got none.") from None
         group = MutuallyExclusiveCallbackGroup()
-        self.node.create_service(Trigger, "~/next", self._next, callback_group=group)
-        self.node.create_service(Trigger, "~/reset", self._reset, callback_group=group)
+        for name, callback in (("~/next", self._next), ("~/reset", self._reset)):
+            self._services.append(self.node.create_service(Trigger, name, callback, callback_group=group))
+        self._stopped.clear()
+        self._failed, self._discovered = None, -np.inf
+        self._worker = threading.Thread(target=self._work, name="tanteo", daemon=True)
+        self._worker.start()
+        self.active = True
 
-    def _discover(self) -> None:
-        """Subscribe to new relevant topics."""
-        own, topics = f"{self.node.get_fully_qualified_name()}/", self.node.get_topic_names_and_types()
-        there = {topic: kinds[0] for topic, kinds in topics if not topic.startswith(own)}
-        for topic, kind in io.documents.wanted_topics(there, self.intake.options, _SOURCES).items():
-            if topic not in self._subscribed:
-                self._subscribed[topic] = None
-                self._subscribe(topic, kind)
+    def stop(self) -> None:
+        """Receive no further readings and offer no services, after the answer in progress; the readings are kept."""
+        with self._switching:
+            self.active = False
+            for subscription in self._subscribed.values():
+                if subscription is not None:
+                    self.node.destroy_subscription(subscription)
+            self._subscribed.clear()
+            for service in self._services:
+                self.node.destroy_service(service)
+            self._services.clear()
+        self._stopped.set()
+        if self._worker is not None:
+            self._worker.join()
+            self._worker = None
+
+    def step(self) -> None:
+        """Subscribe to new relevant topics; called between the callbacks of the node.
+
+        Raises:
+            TanteoError: The messages lack information that must be stated in the options.
+        """
+        if self._failed is not None:
+            raise self._failed
+        with self._switching:
+            if not self.active or time.monotonic() - self._discovered < _DISCOVERY:
+                return
+            self._discovered = time.monotonic()
+            own, topics = f"{self.node.get_fully_qualified_name()}/", self.node.get_topic_names_and_types()
+            there = {topic: kinds[0] for topic, kinds in topics if not topic.startswith(own)}
+            for topic, kind in io.documents.wanted_topics(there, self.intake.options, _SOURCES).items():
+                if topic not in self._subscribed:
+                    self._subscribed[topic] = None
+                    self._subscribe(topic, kind)
 
     def _subscribe(self, topic: str, kind: str) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -158,10 +196,10 @@ class RosNode:
             self.intake.notify(words)
 
     def _work(self) -> None:
-        """Process ready readings and publish results until the node ends."""
+        """Process ready readings and publish results until the node stops."""
         reported = -np.inf
         try:
-            while not self.ended.wait(_PROCESSING):
+            while not self._stopped.wait(_PROCESSING):
                 updated = self._update()
                 self._notify_all()
                 if updated or time.monotonic() - reported > _DIAGNOSTICS:
@@ -169,7 +207,6 @@ class RosNode:
                     self._diagnose()
         except BaseException as error:  # noqa: BLE001  raised again where the node runs
             self._failed = error
-            self.ended.set()
 
     def _update(self) -> bool:
         with self._lock:
