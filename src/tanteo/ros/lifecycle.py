@@ -27,7 +27,7 @@ class ManagedNode:
 
     Attributes:
         node: lifecycle node of rclpy.
-        settings: settings of the node, with the parameters as they were declared.
+        settings: settings of the node, with the declared parameters.
         build: function that creates the server from the parameters that have changed since.
         ended: event that ends :meth:`run`.
         server: server of the configured node; None while it is unconfigured.
@@ -48,12 +48,12 @@ class ManagedNode:
         from rclpy.lifecycle import ManagedEntity
         from rclpy.lifecycle.node import TransitionCallbackReturn as Outcome
 
-        def carried_out(action: Callable[[], None], otherwise: Any, state: Any) -> Any:
+        def carried_out(action: Callable[[], None], failed: Any, state: Any) -> Any:
             try:
                 action()
             except TanteoError as error:
                 self.node.get_logger().error(str(error))
-                return otherwise
+                return failed
             return Outcome.SUCCESS
 
         entity = ManagedEntity()

@@ -144,10 +144,8 @@ def _in_one_valley(sampler: Sampler, rows: IntArray, together: BoolArray, mass: 
         mass: log mass below which a maximum is not probable.
     """
     peaks, out, own = sampler.peaks, np.zeros((len(sampler.peaks),) * 2, dtype=bool), sampler.settings
-    region = np.zeros(len(together), dtype=np.int64)
-    for k, group in enumerate(regions_of(sampler, together)):
-        region[group] = k
     first, second = (rows[k] for k in np.triu_indices(len(rows), 1))
+    region = _region_numbers(sampler, together)
     apart = region[first] != region[second]
     first, second = first[apart], second[apart]
     if not len(first):
@@ -157,12 +155,31 @@ def _in_one_valley(sampler: Sampler, rows: IntArray, together: BoolArray, mass: 
     least = paths.lower_end() - own.barrier
     straight = paths.halved().halved()
     joined = straight.lowest() > least
-    if sampler.fixes_pose:
-        masses, _ = sampler.masses()
-        bent = np.flatnonzero((np.minimum(masses[first], masses[second]) > mass) & ~joined)
-        joined[bent] = follow(straight.take(bent), least[bent])
     out[first[joined], second[joined]] = True
+    if not sampler.fixes_pose:
+        return out
+    masses, _ = sampler.masses()
+    left = np.flatnonzero((np.minimum(masses[first], masses[second]) > mass) & ~joined)
+    left = left[np.argsort(straight.take(left).length(), kind="stable")]
+    while len(left):  # the shortest path of each region first: most pairs are then in one region, and need no path
+        region = _region_numbers(sampler, together | out)
+        left = left[region[first[left]] != region[second[left]]]
+        pairs = np.stack([region[first[left]], region[second[left]]])
+        some = np.zeros(len(left), dtype=bool)
+        for one in np.unique(pairs):
+            some[np.argmax((pairs == one).any(axis=0))] = True
+        bent, left = left[some], left[~some]
+        done = bent[follow(straight.take(bent), least[bent])]
+        out[first[done], second[done]] = True
     return out
+
+
+def _region_numbers(sampler: Sampler, together: BoolArray) -> IntArray:
+    """Return the number of the region of each maximum ``(m,)``."""
+    region = np.zeros(len(together), dtype=np.int64)
+    for k, group in enumerate(regions_of(sampler, together)):
+        region[group] = k
+    return region
 
 
 def _inside(sampler: Sampler) -> np.ndarray:

@@ -53,6 +53,11 @@ class Paths:
         others[:, ::2], others[:, 1::2] = zs, 0.5 * (zs[:, :-1] + zs[:, 1:])
         return Paths(self.objective, new, others)
 
+    def length(self) -> FloatArray:
+        """Return the distance between the ends of each path, turns as shifts of the rim [m] ``(P,)``."""
+        motions = self._motions(self.Ts[:, :1], self.Ts[:, -1:])[:, 0]
+        return np.asarray(np.linalg.norm(motions / _rim(self.objective), axis=1))
+
     def lower_end(self) -> FloatArray:
         """Return the log density at the lower end of each path ``(P,)``."""
         return self._logs(np.arange(0, self.Ts.shape[1], self.Ts.shape[1] - 1)).min(axis=1)
@@ -75,7 +80,7 @@ class Paths:
     def on_ridge(self) -> Paths:
         """Return the paths after Levenberg-Marquardt steps of their inner points across the path."""
         objective, shape = self.objective, self.objective.prepared.shape
-        unit = np.r_[np.ones(3), np.full(3, 4 / shape.diagonal)]  # turns as shifts of the rim
+        unit = _rim(objective)
         P, D = len(self.Ts), self.zs.shape[2]
         Ts, zs = self.Ts.copy(), self.zs.copy()
         at, damping = np.ascontiguousarray(Ts[:, 1:-1].reshape(-1, 4, 4)), np.full(P * (Ts.shape[1] - 2), 1e-3)
@@ -127,6 +132,11 @@ def follow(paths: Paths, least: FloatArray) -> BoolArray:
         out[left[done]] = True
         paths, left = paths.take(~done), left[~done]
     return out
+
+
+def _rim(objective: Objective) -> FloatArray:
+    """Return the motions that shift the rim of the part by one: turns are shifts of the rim ``(6,)``."""
+    return np.r_[np.ones(3), np.full(3, 4 / objective.prepared.shape.diagonal)]
 
 
 def _complement(unit: FloatArray) -> FloatArray:
