@@ -70,10 +70,11 @@ def main(plan: dict) -> dict:
     out["next_active"] = own.offers("/tanteo/next")
     for T, distance in plan["steps"]:
         own.sense(np.array(T), distance)
-    count = len(plan["steps"])
-    out["enough"] = own.until(lambda: bool(own.states) and own.used() == count, 15.0)
-    own.until(lambda: bool(own.poses))
-    out["frame"] = own.poses[-1].header.frame_id if own.poses else ""
+    out["enough"] = own.until(lambda: bool(own.states) and own.used() >= len(plan["steps"]) // 2, 15.0)
+    out["answered"] = own.until(lambda: bool(own.markers))
+    out["frame"] = own.markers[-1].markers[-1].header.frame_id if own.markers else ""
+    own.until(lambda: False, 2.5)  # messages on the way
+    out["used"] = own.used()
     out["deactivated"] = own.change("deactivate")
     out["silent"] = own.until(lambda: not own.range.get_subscription_count(), 5.0)
     states = len(own.states)

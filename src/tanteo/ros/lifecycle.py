@@ -31,7 +31,7 @@ class ManagedNode:
         build: function that creates the server from the parameters that have changed since.
         ended: event that ends :meth:`run`.
         server: server of the configured node; None while it is unconfigured.
-        answer: latest answer of the last configured server.
+        answer: latest answer of a server that was discarded.
     """
 
     node: Any
@@ -104,7 +104,7 @@ class ManagedNode:
         if server is not None:
             server.stop()
             server.withdraw()
-            self.answer = server.answer
+            self.answer = server.answer or self.answer
 
     def _shut_down(self) -> None:
         self._shut = True
