@@ -19,6 +19,7 @@ from tanteo.posterior import Table
 
 SD, HEIGHT_SD = 2e-5, 5e-5
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
+NAMES = "bracket_left", "housing", "block"
 NEAR = 3  # corner sds within which a pose is the true one
 
 
@@ -60,14 +61,20 @@ def outcome(answer, part, T):
     return answer.unknown_probability > 0.5, sure, sure and not near[0], share
 
 
+def scene_of(parts, touches, seed, number, kind):
+    """Return a part, its pose on a table, touches of it, and a prior of its pose."""
+    rng, part = np.random.default_rng((seed, number)), parts[number % len(parts)]
+    place = np.array([*rng.uniform(0.1, 0.4, 2), 0.02 - part.vertices[:, 2].min()])
+    T = SE3.from_parts(SO3.axis_rotation(2, rng.uniform(-np.pi, np.pi)), place)
+    readings = touched(part, T, touches, rng)
+    return part, T, readings, prior_of(T, kind, rng)
+
+
 def main(scenes=100, touches=5, seed=1, kind="table"):
-    parts = [read_part(PARTS / f"{name}.step") for name in ("bracket_left", "housing", "block")]
+    parts = [read_part(PARTS / f"{name}.step") for name in NAMES]
     rows = {"without": [], kind: []}
     for scene in range(scenes):
-        rng, part = np.random.default_rng((seed, scene)), parts[scene % len(parts)]
-        place = np.array([*rng.uniform(0.1, 0.4, 2), 0.02 - part.vertices[:, 2].min()])
-        T = SE3.from_parts(SO3.axis_rotation(2, rng.uniform(-np.pi, np.pi)), place)
-        readings, pose = touched(part, T, touches, rng), prior_of(T, kind, rng)
+        part, T, readings, pose = scene_of(parts, touches, seed, scene, kind)
         rows["without"].append(outcome(locate(readings, part), part, T))
         rows[kind].append(outcome(locate(readings, part, priors=Priors(pose=pose)), part, T))
     print("| prior | touches | scenes | P(unknown) > 0.5 | recognized | wrongly so | mean P of the true pose |")

@@ -112,6 +112,34 @@ class FaceAssignments(Proposer):
         return InitialPoses.refined_poses(Ts, np.full(len(Ts), source, dtype=np.int64))
 
 
+@final
+class NearbyAssignments(Proposer):
+    """Proposer of the poses at which all points are on faces, about best maxima with unexpected outliers.
+
+    The region of a maximum is as wide as the spacing of proposals, or as the prior where this is narrower.
+    """
+
+    name = "reassigned"
+
+    def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
+        """Propose these poses with the sources of the best maximum, so that they are found as surely."""
+        best, objective, count = state.best, state.objective, state.effort.moved
+        if not (count and len(best) and len(objective.rows) and len(objective.scales.blurs) and state.is_doubtful()):
+            return InitialPoses.none()
+        if best.groups[0] == EXHAUSTIVE:  # all assignments near a prior were tried
+            return InitialPoses.none()
+        Ts, blur, known = best.Ts[:count], objective.scales.blur, problem.mixture(part)
+        turn = min(blur / (0.25 * part.part.diagonal), _WIDEST_TURN)
+        information = np.tile(np.diag(np.repeat([blur, turn], 3) ** -2.0), (len(Ts), 1, 1))
+        if known is not None:
+            gaps, of_prior = SE3.log(SE3.inverse(known.Ts)[:, None] @ Ts), np.linalg.inv(known.covariances)
+            information += of_prior[np.argmin(np.einsum("kni,kij,knj->kn", gaps, of_prior, gaps), axis=0)]
+        covariances = np.asarray(np.linalg.inv(information), dtype=np.float64)
+        near = PoseMixture(Ts, covariances, -np.arange(len(Ts), dtype=np.float64))
+        found, _ = _assigned(problem, part, state, near, outliers=0)
+        return InitialPoses.refined_poses(found, np.full(len(found), best.groups[0]))
+
+
 def _is_coarse(known: PoseMixture, problem: Problem, part: PreparedPart) -> bool:
     """Return whether a prior is wide relative to the noise, and narrow enough for linear covariances of positions.
 

@@ -9,6 +9,7 @@ from tanteo.posterior.proposals.built_in import (
     FactorPoses,
     HalfTurnsAndSlides,
     KnownPoses,
+    NearbyAssignments,
     PlanePoses,
 )
 from tanteo.posterior.proposals.drawn import PointPairs, PriorSamples
@@ -16,7 +17,7 @@ from tanteo.posterior.proposals.outlier_poses import OutlierPoses
 from tanteo.posterior.proposals.proposer import Proposer
 
 _FIRST = PointPairs(), CentreTriples(), FactorPoses(), KnownPoses(), PlanePoses(), FaceAssignments(), PriorSamples()
-_LAST = HalfTurnsAndSlides(), OutlierPoses()
+_LAST = HalfTurnsAndSlides(), NearbyAssignments(), OutlierPoses()
 
 PROPOSERS: Registry[Proposer] = Registry("tanteo.proposals", Proposer, {one.name: one for one in (*_FIRST, *_LAST)})
 """All proposers by name; an entry point refers to an object of a class derived from :class:`Proposer`."""
