@@ -4,11 +4,18 @@ One of eight example parts is sensed without correspondences. The catalogue hold
 eight. The first table has the answers in both cases, the probability of the unknown object, and how often the part
 itself is named if it is in the catalogue. The second table has two parts that differ by one face, 3 mm higher; one is
 sensed while the catalogue holds the other. ``--processes`` and ``--keep`` work as in ``campaign.py``.
+
+``python benchmarks/unknown_parts.py excluded [scenes] [seed] [kind ...]`` excludes the sensed part from a folder of
+twelve, the example parts and machined ones, with a probability of one half, which the prior states. Each kind of
+readings has a row with standard errors: the probability of the unknown object and its frequency, and the probability of
+the best explanation (a part, or the unknown object) and how often it is right. An answer names the unknown object if
+it is more probable than each part.
 """
 
 from __future__ import annotations
 
 import sys
+import tempfile
 from functools import cache
 from pathlib import Path
 
@@ -21,9 +28,12 @@ from common import Table
 from region_coverage import FOLDER, PARTS
 
 import tanteo
-from bare_scenes import SENSORS, box_centred_pose, scene
+from bare_scenes import SENSORS, beams, box_centred_pose, scene, surface_points
+from machined_parts import machined, write
+from scenes import surface_planes, surface_touches
 from tanteo.factors import FreeRays
-from tanteo.posterior import identify_points, prepare
+from tanteo.geometry import SE3
+from tanteo.posterior import Priors, identify_features, identify_points, prepare
 
 COUNTS = 10, 16, 25
 STEPS = "step_12mm", "step_15mm"
@@ -116,8 +126,123 @@ def run(scenes, seed, keep, processes):
     return Table("Strangers", f"8 parts x {scenes} scenes a row, seed {seed}.", columns, rows)
 
 
+FOLDER_SIZE, TOUCHES, SD = 12, (8, 16), 1e-4
+"""Number of parts in a folder, fewest and most readings, and their standard deviation [m]."""
+
+
+@cache
+def folder():
+    """Return the example parts and as many machined ones, prepared."""
+    rng, parts = np.random.default_rng(1), list(catalogue())
+    with tempfile.TemporaryDirectory() as name:
+        for k in range(len(parts)):
+            write(machined(rng), Path(name) / f"machined{k}.step")
+            parts.append(prepare(tanteo.read_part(Path(name) / f"machined{k}.step")))
+    return parts
+
+
+def _touches(own, T, n, rng):
+    """Return points and normals of touches even over a part, in the world."""
+    p, normals = surface_points(own, n, rng)
+    return SE3.apply(T, p) + SD * rng.normal(size=p.shape), normals @ T[:3, :3].T, p
+
+
+def _readings(points, **columns):
+    return tanteo.Readings.from_columns(points, sds=np.full(len(points), SD), **columns)
+
+
+def bare(own, T, n, rng):
+    """Touches without direction."""
+    return _readings(_touches(own, T, n, rng)[0])
+
+
+def directed(own, T, n, rng):
+    """Touches along the normals."""
+    points, normals, _ = _touches(own, T, n, rng)
+    return _readings(points, directions=-normals)
+
+
+def labelled(own, T, n, rng):
+    """Three bare touches on each of some faces that are drawn by area, with the face as label."""
+    p, _ = surface_points(own, 400, rng)
+    faces = own.part.triangle_face[own.surface.closest(p).triangles]
+    chosen = [f for f in dict.fromkeys(faces.tolist()) if np.sum(faces == f) >= 3][: n // 3]
+    rows = np.concatenate([np.flatnonzero(faces == f)[:3] for f in chosen])
+    points = SE3.apply(T, p[rows]) + SD * rng.normal(size=(len(rows), 3))
+    return _readings(points, features=[f"f{f}" for f in faces[rows]])
+
+
+def laser(own, T, n, rng):
+    """Beams from outside, tilted against the normals."""
+    p, d = beams(own, n, rng)
+    d = d @ T[:3, :3].T
+    return _readings(SE3.apply(T, p) + SD * rng.normal(size=(n, 1)) * d, directions=d)
+
+
+def normals(own, T, n, rng):
+    """Touches with sensed normals."""
+    return surface_touches(own.part, T, n // 2, rng)
+
+
+def planes(own, T, n, rng):
+    """Planes from five points each."""
+    return surface_planes(own.part, T, n // 3, rng)
+
+
+SENSED = {f.__name__: f for f in (bare, directed, labelled, laser, normals, planes)}
+"""Kinds of readings and their functions of part, pose, number and generator."""
+
+
+def excluded(kind, seed, k):
+    """Return the probabilities of one scene and the truth; common scenes of all kinds have the same part and folder."""
+    rng = np.random.default_rng((seed, k))
+    rows = rng.permutation(len(folder()))
+    own, absent = folder()[rows[0]], bool(rng.integers(2))
+    among = [folder()[row] for row in rows[1 if absent else 0 :][:FOLDER_SIZE]]
+    T, n = box_centred_pose(rng), int(rng.integers(TOUCHES[0], TOUCHES[1] + 1))
+    sensed = SENSED[kind](own, T, n, rng)
+    radius = max(part.part.radius for part in among)
+    if isinstance(sensed, tanteo.Readings):
+        answer = tanteo.identify(sensed, [p.part for p in among], priors=Priors(unknown=0.5), conventions=False)
+    else:
+        answer = identify_features(sensed, among, priors=Priors(unknown=0.5, radius=radius), top=100)
+    claims = {"": answer.unknown_probability, **dict(answer.parts)}
+    best = max(claims, key=claims.get)
+    true = "" if absent else own.part.name
+    return {"unknown": claims[""], "absent": absent, "P": claims[best], "right": best == true, "n": n,
+            "own": own.part.name, "best": best, "status": answer.status}  # fmt: skip
+
+
+def excluded_table(scenes, seed, kinds, keep, processes):
+    """Return the table of scenes whose part is excluded from the folder with a probability of one half."""
+    table = []
+    for kind in kinds:
+        rows = run_cases(excluded, [(kind, seed, k) for k in range(scenes)], keep, processes)
+        told, absent, P, right = (
+            np.array([r[x] for r in rows], dtype=float) for x in ("unknown", "absent", "P", "right")
+        )
+        cells = [kind, str(len(rows))]
+        for claimed, true in ((told, absent), (P, right)):
+            se = (claimed - true).std() / np.sqrt(len(rows))
+            cells += [f"{claimed.mean():.3f}", f"{true.mean():.3f}", f"{(claimed - true).mean():+.3f} ± {se:.3f}"]
+        sure, wrong = P > 0.9, (P > 0.9) & (right == 0)
+        counts = [int(np.sum(wrong & (absent == truth))) for truth in (1, 0)]
+        cells.append(f"{counts[0]}, {counts[1]} of {int(sure.sum())}")
+        table.append(tuple(cells))
+        print(*cells, sep="\t", flush=True)
+    columns = ("readings", "scenes", "P(unknown)", "unknown", "difference", "P(best)", "right", "difference",
+               "wrong above 0.9: unknown, known")  # fmt: skip
+    text = f"Folders of {FOLDER_SIZE} parts, {TOUCHES[0]} to {TOUCHES[1]} readings, seed {seed}."
+    return Table("Parts excluded from the folder", text, columns, table)
+
+
 if __name__ == "__main__":
     rest, keep, processes = options(sys.argv[1:])
+    if rest[:1] == ["excluded"]:
+        figures, kinds = [w for w in rest[1:] if w.isdecimal()], [w for w in rest[1:] if not w.isdecimal()]
+        scenes, seed = (int(figures[i]) if len(figures) > i else default for i, default in ((0, 100), (1, 1)))
+        print(excluded_table(scenes, seed, kinds or list(SENSED), keep, processes).markdown())
+        sys.exit()
     scenes, seed = (int(rest[i]) if len(rest) > i else default for i, default in ((0, 4), (1, 20261203)))
     print(run(scenes, seed, keep, processes).markdown())
     print(variants(5 * scenes, seed, keep and keep.with_suffix(".variants.jsonl"), processes).markdown())

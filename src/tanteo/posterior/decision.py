@@ -19,7 +19,7 @@ from tanteo.posterior.answers.part_motions import part_scale
 from tanteo.posterior.answers.pose_prior import Table
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.answers.results import Hypothesis, Status
-from tanteo.posterior.answers.status import verdict
+from tanteo.posterior.answers.status import CONFIDENCE, verdict
 from tanteo.posterior.candidate_pruning import Active
 from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.contradictions import NEAR, PlaneBeside, outlier_or_variant
@@ -46,6 +46,7 @@ from tanteo.words.findings import (
     CloseTogether,
     MayBeUnknown,
     MissedPoses,
+    MostlyOnPart,
     NotSearched,
     OneRegion,
     OnOtherSide,
@@ -131,7 +132,7 @@ def verdict_of(
         if outcome.plane is not None:
             explained = outcome.plane.rows
             more.append(outliers_on_plane(posterior.problem.points, outcome.plane))
-        if status == "recognized" or isinstance(finding, MayBeUnknown):
+        if status == "recognized" or isinstance(finding, MayBeUnknown) or _one_reading_decides(findings[0]):
             status, findings = _doubted(status, findings, found[0], priors, explained)
     if hypotheses and status == "recognized":
         more += [dominant_shared_error(found[0], shared), outcome.unstated, outlier_finding(hypotheses[0], priors)]
@@ -163,6 +164,11 @@ def _known_after_all(
     if hypotheses and mostly_on(hypotheses[0], posterior.unknown):
         return "unknown", (mostly_on_part(hypotheses[0], posterior.unknown),)
     return "unknown", findings
+
+
+def _one_reading_decides(finding: Finding) -> bool:
+    """Return whether a single reading makes an unknown object more probable than a part, but not certain."""
+    return isinstance(finding, MostlyOnPart) and len(finding.outliers) == 1 and finding.unknown < CONFIDENCE
 
 
 def outliers_on_plane(points: ContactPoints, plane: PlaneBeside) -> OutliersOnPlane:
