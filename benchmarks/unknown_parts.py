@@ -218,11 +218,11 @@ def excluded_table(scenes, seed, kinds, keep, processes):
     table = []
     for kind in kinds:
         rows = run_cases(excluded, [(kind, seed, k) for k in range(scenes)], keep, processes)
-        told, absent, P, right = (
+        unknown, absent, P, right = (
             np.array([r[x] for r in rows], dtype=float) for x in ("unknown", "absent", "P", "right")
         )
         cells = [kind, str(len(rows))]
-        for claimed, true in ((told, absent), (P, right)):
+        for claimed, true in ((unknown, absent), (P, right)):
             se = (claimed - true).std() / np.sqrt(len(rows))
             cells += [f"{claimed.mean():.3f}", f"{true.mean():.3f}", f"{(claimed - true).mean():+.3f} ± {se:.3f}"]
         sure, wrong = P > 0.9, (P > 0.9) & (right == 0)
