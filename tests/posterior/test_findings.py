@@ -112,7 +112,8 @@ def test_readings_beside_a_part_that_fits_are_named():
     )
     answer = locate(readings, part)
     assert answer.status == "ambiguous"
-    assert "Readings 14 and 15 are not on it. Expect outliers (--outlier-rate 10%)" in answer.message
+    assert "and 1 reading more contradict it. They are outliers, or the object is a variant" in answer.message
+    assert answer.message.endswith("Touch near reading 15 again.")
 
 
 def test_gaps_of_the_file_are_named_where_no_part_fits(tmp_path):

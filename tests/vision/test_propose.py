@@ -22,7 +22,7 @@ def model():
 @pytest.fixture(scope="module")
 def seen(model):
     """Camera, edge map and region of an image of the part on the table, and its pose in the camera."""
-    camera, image, edges, T = seen_alone(model, 0.64)
+    camera, image, edges, T = seen_alone(model, 0.9)
     return camera, edges, find_regions(image, edges.points)[0], T
 
 

@@ -88,11 +88,10 @@ class Problem:
         object.__setattr__(self, "groups", groups)
         object.__setattr__(self, "log_outlier", outlier_log_density(self.points, self.priors))
         object.__setattr__(self, "furniture", weigh_furniture(self.points, self.priors, self.settings.search))
-        others = self.furniture.others
         placed = self.points.placed & ~self.furniture.on_furniture  # a centre may be beyond the end of its hole
         distant = DistantPoints.of(self.points.points, placed, self.priors.radius)
         object.__setattr__(self, "distant", distant)
-        region = touched_region(self.points, groups, others[~distant.rows[others]])
+        region = touched_region(self.points, groups, self.furniture.others, distant.rows)
         object.__setattr__(self, "region", region)
         evidence = label_evidence(self.points, groups, self.priors.radius, region.groups)
         object.__setattr__(self, "label_evidence", evidence)

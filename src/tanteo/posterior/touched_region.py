@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.factors import ContactPoints
-from tanteo.geometry.typing import FloatArray, IntArray, Vectors
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Vectors
 
 LARGER = 1.2
 """Largest size of an unknown object over that of the ball of its readings (decision 56); the size of a touched region
@@ -60,29 +60,33 @@ class TouchedRegion:
         return float((self.firsts - 1) * np.log(area / self.area))
 
 
-def touched_region(points: ContactPoints, groups: IntArray, rows: IntArray) -> TouchedRegion:
+def touched_region(points: ContactPoints, groups: IntArray, rows: IntArray, distant: BoolArray) -> TouchedRegion:
     """Return the region that measurements without a direction touch.
 
     Args:
         points: the measurements.
         groups: index of the label of each point ``(n,)``; -1 without a label.
-        rows: rows of the points that are neither on furniture nor distant.
+        rows: rows of the points that are not on furniture.
+        distant: mask of the points that no object of the size of the parts has; they count for their labels alone
+            ``(n,)``.
     """
     codimensions = np.array([f.codimension if f.on_surface else 0 for f in points.factors], dtype=np.int64)
     free = np.zeros(len(points), dtype=np.bool_)
     free[rows] = ~points.directed[rows]
     face, edge = free & (codimensions == 1), free & (codimensions == 2)
     floor = float(np.median(points.sd)) if len(points) else 0.0  # repeated touches of one place
-    area, length = _area(points.points[face], floor), _length(points.points[edge], floor)
+    area, length = _area(points.points[face & ~distant], floor), _length(points.points[edge & ~distant], floor)
     sizes = np.zeros(groups.max(initial=-1) + 1)
     for g in range(len(sizes)):
         own = groups == g
         on_face = own & face
-        sizes[g] = (
-            min(_area(points.points[on_face], floor), area)
+        size, most = (
+            (_area(points.points[on_face], floor), area)
             if on_face.any()
-            else min(_length(points.points[own & edge], floor), length)
+            else (_length(points.points[own & edge], floor), length)
         )
+        sizes[g] = min(size, most) if most > 0 else size
+    face &= ~distant
     firsts = int(np.sum(face & (groups < 0))) + len(np.unique(groups[face & (groups >= 0)]))
     return TouchedRegion(area, length, sizes, firsts)
 

@@ -46,6 +46,8 @@ def value(name, annotation, count, given=()):
         return count
     if annotation is float:
         return 1.25e-3
+    if str(annotation) == "float | None":
+        return 0.25 if count else None
     if name in CHOICES:
         return CHOICES[name][count % len(CHOICES[name])]
     if annotation is str:

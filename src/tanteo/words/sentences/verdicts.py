@@ -124,11 +124,13 @@ def _(one: f.OutlierOrVariant) -> Words:
     if not one.readings:
         return f"{one.part} fits, but readings contradict it.", "Touch there again."
     first, off = one.readings[0], from_surface(one.distances[0])
-    more = f", and {readings(len(one.readings) - 1)} more" if len(one.readings) > 1 else ""
-    return (
-        f"{one.part} fits, but reading {first} ({off}){more} contradicts it. It is an outlier, or the object is a "
-        "variant of the part."
-    ), f"Touch near reading {first} again."
+    if len(one.readings) == 1:
+        text = f"reading {first} ({off}) contradicts it. It is an outlier"
+    else:
+        others = readings(len(one.readings) - 1)
+        text = f"reading {first} ({off}) and {others} more contradict it. They are outliers"
+    advice = f"Touch near reading {first} again."
+    return f"{one.part} fits, but {text}, or the object is a variant of the part.", advice
 
 
 @words_of.register
