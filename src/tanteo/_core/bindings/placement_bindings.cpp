@@ -9,7 +9,7 @@ namespace tanteo {
 
 namespace {
 
-// Poses of placements, the logs of their weights, and the draws of which they are.
+// Poses of placements, the logs of their weights, and the number of the draw of each.
 std::tuple<Out, Out, OutInts> placed(const Shape& shape, Doubles points, Doubles offsets, Doubles sds, int64_t seed) {
     const size_t draws = expect(points, "points", {ANY, 3, 3});
     expect(offsets, "offsets", {3});

@@ -22,7 +22,7 @@ int64_t cell_of(const SlideTables& t, const Pixel& pixel, const Pixel& centre, i
     return (channel * t.rows + along(pixel.y - centre.y)) * t.columns + along(pixel.x - centre.x);
 }
 
-// Numbers below a count in an order of which every beginning is evenly spread (Kronecker's sequence).
+// Numbers below a count in an order in which the first ones are always evenly spread (Kronecker's sequence).
 std::vector<int> spread_order(int count) {
     std::vector<std::pair<double, int>> keys;
     for (int k = 0; k < count; ++k) keys.push_back({std::fmod(0.6180339887498949 * k, 1.0), k});

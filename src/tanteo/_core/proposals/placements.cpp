@@ -21,7 +21,7 @@ Vec3 direction(Random& random) {
     return {r * std::cos(a), r * std::sin(a), z};
 }
 
-// The surface as triangles, each of which reaches along its normal.
+// The triangles of the surface; a point above one along its normal is on it.
 struct Surface {
     const Shape& shape;
     std::vector<double> before;   // cumulative probability of each triangle
