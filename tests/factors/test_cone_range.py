@@ -180,3 +180,21 @@ def test_another_response_that_fits_is_named(block):
     answer = tanteo.locate(readings, block.part, rig=rig_of("mean"), priors=tanteo.Priors(pose=near))
     assert answer.status != "recognized"
     assert [one.mistake for one in answer.findings if one.kind == "response"] == ["response_nearest"]
+
+
+def test_random_rays_keep_the_stated_noise(block):
+    """The spread of the rays is no noise, so a maximum gains nothing by more noise of the device."""
+    scales = []
+    for seed in range(8):
+        rng, sensors, ranges = np.random.default_rng(seed), [], []
+        while len(sensors) < 12:
+            sensor = looking(rng, block.part)
+            d = rays_of(block, sensor, 500)
+            if np.isfinite(d).any():
+                sensors.append(sensor)
+                ranges.append(float(rng.choice(d[np.isfinite(d)])) + SD * rng.normal())
+        problem, core = problem_of(block, "ray", sensors, ranges)
+        zs = np.zeros((1, problem.states))
+        found = _core.maximize(block.shape, core, np.eye(4)[None].copy(), zs, np.zeros(0), 20, 1e-3, 28.0, 1.0)
+        scales.append(problem.scale_sd * found[1][0, -1])
+    assert np.mean(scales) == pytest.approx(0, abs=0.4)

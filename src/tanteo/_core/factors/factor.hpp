@@ -50,6 +50,9 @@ struct LocalSlope {
         m += other.m;
         for (int i = 0; i < 9; ++i) pp.m[i] += other.pp.m[i], pm.m[i] += other.pm.m[i], mm.m[i] += other.mm.m[i];
     }
+    void scale_information(double by) {
+        for (int i = 0; i < 9; ++i) pp.m[i] *= by, pm.m[i] *= by, mm.m[i] *= by;
+    }
 };
 
 // Contact of a ball tip with an element, or a face that the ball must not enter (Components::contacts, near_faces).

@@ -42,10 +42,7 @@ double Likelihood::finish(const State& state) {
         information.assign(static_cast<size_t>(K) * K, 0.0);
     }
     double log = log_points = combine();
-    if (with_slope) {
-        add_factors(state);
-        if (problem.scale_sd > 0 && blur == 0) of_points = information;
-    }
+    if (with_slope) add_factors(state);
     log += add_rays(state);
     log += add_priors(state, with_slope);
     if (!with_terms) return log;
@@ -383,8 +380,12 @@ struct ScaleSlope {
 
 // Gradient and information of all components of a factor. The facets of one face draw a point to their middles but do not
 // constrain it there: the information is that of the mixture, the mean of theirs minus the spread of their gradients.
-LocalSlope slope_of(const Components& components, const double* weights, std::vector<int>& order) {
+//
+// `left` becomes the fraction that the spread of several rays of a cone leaves of it: as their ranges have the variance of
+// the noise and of the rays together, the noise is this fraction of it.
+LocalSlope slope_of(const Components& components, const double* weights, std::vector<int>& order, double& left) {
     LocalSlope sum;
+    double whole = 0, spread = 0;
     const Component* all = components.all.data();
     std::sort(order.begin(), order.end(), [&](int a, int b) { return all[a].element < all[b].element; });
     for (size_t first = 0, next; first < order.size(); first = next) {
@@ -411,12 +412,14 @@ LocalSlope slope_of(const Components& components, const double* weights, std::ve
             own.pp = not_negative(own.pp);
         }
         if (all[order[first]].turns && next - first > 1) {  // the rays of a cone pull in nearly the same direction
-            const double left = std::max(1 - (squares - pull_along * pull_along / weight) / curvature, 0.0);
-            for (Mat3* part : {&own.pp, &own.pm, &own.mm})
-                for (double& x : part->m) x *= left;
+            const double here = std::max(1 - (squares - pull_along * pull_along / weight) / curvature, 0.0);
+            own.scale_information(here);
+            spread += (1 - here) * curvature;
         }
+        whole += curvature;
         sum.add(own);
     }
+    left = whole > 0 ? 1 - spread / whole : 0;
     return sum;
 }
 
@@ -489,7 +492,10 @@ void add_states(const LocalSlope& s, const Vec3& y, const Vec3& m, const Mat3& R
 
 // Gradient and information of all factors: of each component by position and direction, then by the states.
 void Likelihood::add_factors(const State& state) {
-    double scaled = 0, weight = 0, observed = 0, expected = 0;
+    double observed = 0, expected = 0;
+    const bool scales = problem.scale_sd > 0 && blur == 0;  // blurred noise is not that of a device
+    const bool integrated = scales && with_pose;
+    if (integrated) unscaled_points.assign(information.size(), 0.0);
     for (size_t j = 0; j < problem.factors.size(); ++j) {
         const Evaluated& own = evaluated[j];
         if (!own.count) continue;
@@ -499,24 +505,28 @@ void Likelihood::add_factors(const State& state) {
             if (responsibility[k] >= 1e-12) order.push_back(k);
         ScaleSlope scale;
         const double unscaled = factor.extra + blur * blur;
-        if (with_pose || problem.shared) {
-            const LocalSlope sum = slope_of(components, responsibility.data(), order);
-            add_states(sum, own.p - shape.centre, own.m, state.pose.R, problem, static_cast<int>(j), rates,
-                       with_pose, gradient.data(), information.data());
-        }
-        if (problem.scale_sd > 0 && blur == 0) {  // blurred noise is not that of a device
+        if (scales) {
             for (const int k : order) scale.add(components.all[k], factor.codimension(), responsibility[k], unscaled);
-            scaled += scale.scaled;
-            weight += own.inlier;
             gradient.back() += problem.scale_sd * scale.gradient;
             observed += scale.observed;
             expected += scale.expected;
         }
+        if (!with_pose && !problem.shared) continue;
+        double left = 1;
+        LocalSlope sum = slope_of(components, responsibility.data(), order, left);
+        const auto add = [&](double* to) {
+            add_states(sum, own.p - shape.centre, own.m, state.pose.R, problem, static_cast<int>(j), rates, with_pose,
+                       gradient.data(), to);
+        };
+        add(information.data());
+        sum.scale_information(1 - left * scale.scaled / own.inlier);
+        sum.p = sum.m = {};
+        if (integrated && left * scale.scaled < (1 - 1e-6) * own.inlier) add(unscaled_points.data());
     }
+    if (integrated) of_points = information;
+    for (size_t k = 0; integrated && k < information.size(); ++k) of_points[k] -= unscaled_points[k];
     // the observed curvature by the log of the scale nearly vanishes if the scale is far too large
-    if (problem.scale_sd > 0 && blur == 0)
-        information.back() += problem.scale_sd * problem.scale_sd * std::max(observed, LEAST_CURVED * expected);
-    scaled_share = weight > 0 ? scaled / weight : 0;
+    if (scales) information.back() += problem.scale_sd * problem.scale_sd * std::max(observed, LEAST_CURVED * expected);
 }
 
 }  // namespace tanteo

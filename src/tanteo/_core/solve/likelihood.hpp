@@ -72,8 +72,9 @@ class Likelihood {
     std::vector<double> gradient, information;
     double log_points = 0;  // log density of the factors alone
     double log_pose = 0;    // of the pose priors: its normal densities, and its height over tables
-    std::vector<double> of_points;  // information of the factors alone, if the noise scale is a state
-    double scaled_share = 0;        // fraction of their variance that the noise scale multiplies
+    // if the noise scale is a state: information of the factors alone, each times the fraction of its variance that the
+    // scale multiplies
+    std::vector<double> of_points;
     std::vector<Evaluated> evaluated;
     Components components;
 
@@ -87,6 +88,7 @@ class Likelihood {
     const Shape& shape;
     const Problem& problem;
     std::vector<double> node_log, of_model, responsibility;
+    std::vector<double> unscaled_points;  // information of the rest of the variance
     std::vector<double> amounts, rates;  // of the shared errors at the state, and their derivatives by it
     std::vector<int> spread;   // Design::spread_over of each factor
     double log_outliers = 0;   // log density of all factors as outliers

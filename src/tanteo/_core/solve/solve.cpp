@@ -202,7 +202,7 @@ static double determined_by_points(const Likelihood& likelihood, const std::vect
         solve_cholesky(L.data(), P, column.data());
         determined += column[j];
     }
-    return likelihood.scaled_share * std::min(std::max(determined, 0.0), static_cast<double>(P));
+    return std::min(std::max(determined, 0.0), static_cast<double>(P));
 }
 
 namespace {
