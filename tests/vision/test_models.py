@@ -12,10 +12,13 @@ from random_parts import random_part, write_off
 from tanteo.catalogue import known_stable_poses, read_parts, stable_poses
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.vision import Camera
+from tanteo.vision import Camera, prepare_vision
+from tanteo.vision.edges import chance_hits
+from tanteo.vision.image_edges import ImageEdges
 from tanteo.vision.models import lay
 from tanteo.vision.regions import silhouette
 from tanteo.vision.wireframe import see_edges, wireframe
+from vision_scenes import PARTS, seen_alone
 
 CAMERA = Camera(np.array([[620.0, 0, 320.0], [0, 620.0, 240.0], [0, 0, 1]]), (640, 480))
 QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -98,6 +101,19 @@ def test_lengths_of_samples_add_up(tmp_path):
     frame = wireframe(part)
     assert frame.lengths[frame.sharp].sum() == pytest.approx(4 * 0.16)
     assert not (~frame.sharp).any()
+
+
+@pytest.mark.parametrize("name", ["flange", "clamp"])
+def test_the_order_of_vertices_changes_no_evidence(tmp_path, name):
+    rng, part = np.random.default_rng(3), read_part(PARTS / f"{name}.step")
+    camera, _, edges, T = seen_alone(prepare_vision(part), 0.6)
+    image, logs = ImageEdges(camera, edges, chance_hits(edges.points)), []
+    for _ in range(3):
+        order, rows = rng.permutation(len(part.vertices)), rng.permutation(len(part.triangles))
+        write_off(tmp_path / "part.off", part.vertices[order], np.argsort(order)[part.triangles[rows]])
+        model = prepare_vision(read_part(tmp_path / "part.off", unit="m"))
+        logs.append(image.sums(model, T[None]).there[0])
+    assert logs == pytest.approx([logs[0]] * 3, abs=1e-6)
 
 
 def test_a_silhouette_covers_what_rays_meet(tmp_path):

@@ -208,7 +208,9 @@ def _levels(images: Sequence[ImageEdges], search: PartSearch, lying: OnTable | N
     evidence = peaks.evidence + taken + search.log_evidence - log_sum(peaks.evidence)
     groups = _near(part, peaks.Ts, wanted)
     levels = [float(log_sum(evidence[members])) - wanted[members[0]] for members in groups]
-    return _images(part, peaks.Ts[[members[0] for members in groups]], np.array(levels))
+    # every peak has a constant, so that a later search begins at all of them
+    rows = np.concatenate([np.array(members, dtype=np.int64) for members in groups])
+    return _images(part, peaks.Ts[rows], np.repeat(levels, [len(members) for members in groups]))
 
 
 def _evidence(images: Sequence[ImageEdges], search: PartSearch, lying: OnTable | None) -> float:

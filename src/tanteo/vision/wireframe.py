@@ -77,18 +77,23 @@ class Wireframe(Value):
 
 
 def wireframe(part: Part, samples: int = SEARCH.samples) -> Wireframe:
-    """Sample the edges of a part, with about ``samples`` samples on its sharp edges."""
-    edges = mesh_edges(part.triangles)
+    """Sample the edges of a part, with about ``samples`` samples on its sharp edges.
+
+    Vertices are numbered by their coordinates, so that another order of vertices in the file gives the same samples.
+    """
+    order = np.lexsort(part.vertices.T)
+    vertices = part.vertices[order]
+    edges = mesh_edges(np.argsort(order)[part.triangles])
     surface = Surface(part.vertices, part.triangles)
     normals = np.stack([surface.normals[edges.left], surface.normals[edges.right]], axis=1)
     turn = np.arccos(np.clip(np.sum(normals[:, 0] * normals[:, 1], axis=1), -1.0, 1.0))
     faces = np.sort(np.stack([part.triangle_face[edges.left], part.triangle_face[edges.right]], axis=1), axis=1)
     sharp = (turn > SEARCH.sharp) & (faces[:, 0] != faces[:, 1]) | edges.rims
-    rims = _rims_of(part, edges.ends, sharp)
-    pieces = [_sampled(part, edges.ends, chosen, samples, rims) for chosen in (sharp, ~sharp & (turn > _EXACT))]
+    rims = _rims_of(part, vertices, edges.ends, sharp)
+    pieces = [_sampled(vertices, edges.ends, chosen, samples, rims) for chosen in (sharp, ~sharp & (turn > _EXACT))]
     edge = np.concatenate([piece[0] for piece in pieces])
     _, groups = np.unique(faces[edge], axis=0, return_inverse=True)
-    a, b = part.vertices[edges.ends[edge, 0]], part.vertices[edges.ends[edge, 1]]
+    a, b = vertices[edges.ends[edge, 0]], vertices[edges.ends[edge, 1]]
     chords = a + np.concatenate([piece[1] for piece in pieces])[:, None] * (b - a)
     points, tangents, bends = _rounded(chords, (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True), rims, edge)
     return Wireframe(
@@ -113,11 +118,11 @@ class _Rims:
     which: IntArray
 
 
-def _rims_of(part: Part, ends: IntArray, sharp: BoolArray) -> _Rims:
+def _rims_of(part: Part, vertices: Vectors, ends: IntArray, sharp: BoolArray) -> _Rims:
     rims = tuple(rim for feature in round_features(part) for rim in feature.rims)
     which = np.full(len(ends), -1, dtype=np.int64)
     for k, rim in enumerate(rims):
-        local = part.vertices - rim.centre
+        local = vertices - rim.centre
         height = local @ rim.axis
         out = np.linalg.norm(local - height[:, None] * rim.axis, axis=1) - rim.radius
         on = np.hypot(height, out) < _EXACT * part.diagonal
@@ -140,11 +145,11 @@ def _rounded(chords: Vectors, tangents: Vectors, rims: _Rims, edge: IntArray) ->
 
 
 def _sampled(
-    part: Part, ends: IntArray, chosen: BoolArray, samples: int, rims: _Rims
+    vertices: Vectors, ends: IntArray, chosen: BoolArray, samples: int, rims: _Rims
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return samples at equal steps along mesh edges: edge, position along it, and length of edge for each."""
     index = np.flatnonzero(chosen)
-    lengths = np.linalg.norm(part.vertices[ends[index, 1]] - part.vertices[ends[index, 0]], axis=1)
+    lengths = np.linalg.norm(vertices[ends[index, 1]] - vertices[ends[index, 0]], axis=1)
     total = float(lengths.sum())
     if not total:
         return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
@@ -154,11 +159,33 @@ def _sampled(
     step = np.minimum(total / samples, spacing[rims.which[index]])
     # a long edge has a whole number of samples; of short chords of a curve every n-th has one
     whole = np.where(lengths > step, np.ceil(lengths / step), lengths / step)
+    order = np.concatenate([np.flatnonzero(lengths > step), _along_curves(ends[index], lengths <= step)])
+    index, lengths, whole = index[order], lengths[order], whole[order]
     upto = np.cumsum(whole)
     at = np.arange(0.5, upto[-1])
     k = np.searchsorted(upto, at, side="right")
     share = (at - (upto[k] - whole[k])) / whole[k]
     return index[k], share, lengths[k] / whole[k]
+
+
+def _along_curves(ends: IntArray, chosen: BoolArray) -> IntArray:
+    """Return the numbers of the chosen edges in the order in which they follow one another along curves."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components, depth_first_order
+
+    index = np.flatnonzero(chosen)
+    nodes, own = np.unique(ends[index], return_inverse=True)
+    links, root = own.reshape(-1, 2), len(nodes)
+
+    def graph(links: IntArray) -> Any:
+        return coo_array((np.ones(len(links)), links.T), shape=(root + 1, root + 1)).tocsr()
+
+    _, curves = connected_components(graph(links), directed=False)
+    starts = np.unique(curves, return_index=True)[1]
+    # one more node is linked to the first node of every curve
+    linked = np.concatenate([links, np.stack([np.full(len(starts), root), starts], axis=1)])
+    visited = depth_first_order(graph(linked), root, directed=False, return_predecessors=False)
+    return np.asarray(index[np.argsort(np.argsort(visited)[links].max(axis=1), kind="stable")])
 
 
 def in_camera(T_camera_part: Transforms, points: Vectors) -> Vectors:
