@@ -2,8 +2,7 @@
 
 A small table has the distances to edges by direction (chamfer matching; Barrow and others 1977, Shotton and
 others 2008). The edges of a part are drawn once for each yaw, in the middle of the region. Refinement corrects the
-perspective. A position is dropped as soon as the first quarters of its samples, each spread over all edges, have a
-higher mean cost than the worst position that is kept.
+perspective.
 """
 
 from __future__ import annotations

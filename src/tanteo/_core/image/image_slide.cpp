@@ -10,7 +10,6 @@ namespace tanteo {
 namespace {
 
 constexpr size_t EVALUATED = 40;  // positions for each kept pose; adjacent ones are then removed
-constexpr size_t BLOCK = 16;      // positions that are dropped together
 
 // Cell of a pixel in the tables, relative to the cell of the centre. Pixels beyond the margin, or not in front of the
 // camera, are at the end of the margin.
@@ -67,21 +66,16 @@ double sum_under(const float* from, const std::vector<int64_t>& offsets) {
     return sum;
 }
 
-// Sums of a table at the first offsets from each of so many cells of a row, side by side.
-void sums_along(const uint16_t* from, const std::vector<int64_t>& offsets, size_t first, size_t cells,
-                std::vector<uint16_t>& sums) {
+// Sums of a table at offsets from each of so many cells of a row, side by side, four offsets at once.
+void sums_along(const uint16_t* from, const std::vector<int64_t>& offsets, size_t cells, std::vector<uint16_t>& sums) {
     sums.assign(cells, 0);
-    for (size_t k = 0; k < first; ++k) {
-        const uint16_t* row = from + offsets[k];
-        for (size_t c = 0; c < cells; ++c) sums[c] += row[c];
+    size_t k = 0;
+    for (; k + 4 <= offsets.size(); k += 4) {
+        const uint16_t *a = from + offsets[k], *b = from + offsets[k + 1], *c = from + offsets[k + 2], *d = from + offsets[k + 3];
+        for (size_t n = 0; n < cells; ++n) sums[n] += a[n] + b[n] + c[n] + d[n];
     }
-}
-
-// The least of consecutive numbers.
-uint16_t lowest(const std::vector<uint16_t>& numbers, int64_t first, int64_t last) {
-    uint16_t least = UINT16_MAX;
-    for (const uint16_t* at = numbers.data() + first; at <= numbers.data() + last; ++at) least = std::min(least, *at);
-    return least;
+    for (; k < offsets.size(); ++k)
+        for (size_t n = 0; n < cells; ++n) sums[n] += from[offsets[k] + n];
 }
 
 // Consecutive positions of one row of cells.
@@ -216,31 +210,20 @@ std::vector<Slid> slid(const EdgeFrame& frame, const Lens& lens, const std::vect
     const std::vector<Run> runs = runs_of(in_ranks, places);
 
     Cheapest cheapest(EVALUATED * rules.keep);
-    std::vector<uint16_t> far;
+    std::vector<uint16_t> sums;
     std::vector<int64_t> drawn;
     for (size_t yaw = 0; yaw < yaws.size(); ++yaw) {
         drawn.clear();
         for (const int64_t offset : drawings[yaw]) drawn.push_back(ranks.offset(offset));
-        const size_t all = drawn.size(), quarter = (all + 3) / 4;
+        const double whole = ranks.scale * drawn.size();
         for (const Run& run : runs) {
-            sums_along(ranks.costs.data() + run.from, drawn, quarter, run.cells, far);
-            double limit = cheapest.limit() * ranks.scale;
-            for (size_t k = 0; k < run.count; ++k) {
-                const int64_t cell = in_ranks[run.first + k];
-                const size_t last = std::min(k + BLOCK, run.count) - 1;
-                // positions whose first quarters cost more than the worst kept one are dropped, most of them together
-                if (k % BLOCK == 0 && lowest(far, cell - run.from, in_ranks[run.first + last] - run.from) > limit * quarter) {
-                    k = last;
-                    continue;
-                }
-                int64_t sum = far[cell - run.from];
-                size_t n = quarter;
-                while (n < all && sum <= limit * n)
-                    for (const size_t next = std::min(n + quarter, all); n < next; ++n)
-                        sum += ranks.costs[cell + drawn[n]];
-                if (sum >= limit * n) continue;
-                cheapest.add({static_cast<int>(yaw), static_cast<int>(run.first + k), sum / (ranks.scale * all)});
-                limit = cheapest.limit() * ranks.scale;
+            sums_along(ranks.costs.data() + run.from, drawn, run.cells, sums);
+            double limit = cheapest.limit() * whole;
+            for (size_t k = run.first; k < run.first + run.count; ++k) {
+                const uint16_t sum = sums[in_ranks[k] - run.from];
+                if (sum >= limit) continue;
+                cheapest.add({static_cast<int>(yaw), static_cast<int>(k), sum / whole});
+                limit = cheapest.limit() * whole;
             }
         }
     }
