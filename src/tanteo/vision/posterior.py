@@ -207,10 +207,9 @@ def _levels(images: Sequence[ImageEdges], search: PartSearch, lying: OnTable | N
     taken = first.there + first.located - first.log  # by the first constants
     evidence = peaks.evidence + taken + search.log_evidence - log_sum(peaks.evidence)
     groups = _near(part, peaks.Ts, wanted)
-    levels = [float(log_sum(evidence[members])) - wanted[members[0]] for members in groups]
     # every peak has a constant, so that a later search begins at all of them
-    rows = np.concatenate([np.array(members, dtype=np.int64) for members in groups])
-    return _images(part, peaks.Ts[rows], np.repeat(levels, [len(members) for members in groups]))
+    levels = [np.full(len(members), log_sum(evidence[members]) - wanted[members[0]]) for members in groups]
+    return _images(part, peaks.Ts[np.concatenate(groups)], np.concatenate(levels))
 
 
 def _evidence(images: Sequence[ImageEdges], search: PartSearch, lying: OnTable | None) -> float:

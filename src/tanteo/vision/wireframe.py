@@ -159,7 +159,8 @@ def _sampled(
     step = np.minimum(total / samples, spacing[rims.which[index]])
     # a long edge has a whole number of samples; of short chords of a curve every n-th has one
     whole = np.where(lengths > step, np.ceil(lengths / step), lengths / step)
-    order = np.concatenate([np.flatnonzero(lengths > step), _along_curves(ends[index], lengths <= step)])
+    short = np.flatnonzero(lengths <= step)
+    order = np.r_[np.flatnonzero(lengths > step), short[_along_curves(ends[index[short]])]]
     index, lengths, whole = index[order], lengths[order], whole[order]
     upto = np.cumsum(whole)
     at = np.arange(0.5, upto[-1])
@@ -168,24 +169,17 @@ def _sampled(
     return index[k], share, lengths[k] / whole[k]
 
 
-def _along_curves(ends: IntArray, chosen: BoolArray) -> IntArray:
-    """Return the numbers of the chosen edges in the order in which they follow one another along curves."""
+def _along_curves(ends: IntArray) -> IntArray:
+    """Return the numbers of edges in the order in which they follow one another along curves."""
     from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components, depth_first_order
+    from scipy.sparse.csgraph import depth_first_order
 
-    index = np.flatnonzero(chosen)
-    nodes, own = np.unique(ends[index], return_inverse=True)
-    links, root = own.reshape(-1, 2), len(nodes)
-
-    def graph(links: IntArray) -> Any:
-        return coo_array((np.ones(len(links)), links.T), shape=(root + 1, root + 1)).tocsr()
-
-    _, curves = connected_components(graph(links), directed=False)
-    starts = np.unique(curves, return_index=True)[1]
-    # one more node is linked to the first node of every curve
-    linked = np.concatenate([links, np.stack([np.full(len(starts), root), starts], axis=1)])
-    visited = depth_first_order(graph(linked), root, directed=False, return_predecessors=False)
-    return np.asarray(index[np.argsort(np.argsort(visited)[links].max(axis=1), kind="stable")])
+    links = np.unique(ends, return_inverse=True)[1].reshape(-1, 2)
+    more = int(links.max(initial=-1)) + 1  # one more node is linked to all others
+    pairs = np.concatenate([links.T, [np.full(more, more), np.arange(more)]], axis=1)
+    graph = coo_array((np.ones(pairs.shape[1]), pairs), shape=(more + 1, more + 1)).tocsr()
+    visited = depth_first_order(graph, more, directed=False, return_predecessors=False)
+    return np.asarray(np.argsort(np.argsort(visited)[links].max(axis=1), kind="stable"))
 
 
 def in_camera(T_camera_part: Transforms, points: Vectors) -> Vectors:
