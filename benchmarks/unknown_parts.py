@@ -10,6 +10,10 @@ twelve, the example parts and machined ones, with a probability of one half, whi
 readings has a row with standard errors: the probability of the unknown object and its frequency, and the probability of
 the best explanation (a part, or the unknown object) and how often it is right. An answer names the unknown object if
 it is more probable than each part.
+
+``python benchmarks/unknown_parts.py shapes [parts] [seed]`` prints how example, machined and random parts fill the
+sides of their bounding boxes, which the model of an unknown object uses (``posterior/joint_surface_model.py``): moments
+1, 2, 3 and 5 of the fraction of a side that has a face, and the area of the surface over that of the box.
 """
 
 from __future__ import annotations
@@ -30,6 +34,7 @@ from region_coverage import FOLDER, PARTS
 import tanteo
 from bare_scenes import SENSORS, beams, box_centred_pose, scene, surface_points
 from machined_parts import machined, write
+from random_parts import random_part
 from scenes import surface_planes, surface_touches
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
@@ -236,12 +241,53 @@ def excluded_table(scenes, seed, kinds, keep, processes):
     return Table("Parts excluded from the folder", text, columns, table)
 
 
+def shape_of(part):
+    """Return the fractions of the six sides of the bounding box that have a face, and the area over that of the box.
+
+    The box is along the axes of the part, which are those of most faces for all parts here.
+    """
+    corners = part.vertices[part.triangles]
+    n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    ends, size = part.box, np.ptp(part.box, axis=0)
+    sections, at = np.prod(size) / size, corners.mean(axis=1)
+    on = [
+        n[(np.abs(at[:, k] - ends[end, k]) < 1e-6 * part.diagonal), k].sum() / sections[k]
+        for k in range(3)
+        for end in (0, 1)
+    ]
+    return np.abs(on), np.linalg.norm(n, axis=1).sum() / (2 * sections.sum())
+
+
+def shapes(count, seed):
+    """Return the table of the shapes of parts."""
+    rng, table = np.random.default_rng(seed), []
+    with tempfile.TemporaryDirectory() as name:
+        made = {
+            "example": [tanteo.read_part(path) for path in sorted(FOLDER.glob("*.step"))],
+            "machined": [],
+            "random": [],
+        }
+        for k in range(count):
+            write(machined(rng), Path(name) / f"machined{k}.step")
+            made["machined"].append(tanteo.read_part(Path(name) / f"machined{k}.step"))
+            made["random"].append(random_part(Path(name) / f"random{k}.off", rng))
+        for kind, parts in [*made.items(), ("all", [part for some in made.values() for part in some])]:
+            sides, areas = zip(*(shape_of(part) for part in parts), strict=True)
+            moments = [f"{np.mean(np.concatenate(sides) ** m):.2f}" for m in (1, 2, 3, 5)]
+            table.append((kind, str(len(parts)), *moments, f"{np.mean(areas):.2f}"))
+    columns = "parts", "number", "fraction of a side", "moment 2", "moment 3", "moment 5", "area over that of the box"
+    return Table("Sides of bounding boxes", f"{count} machined and random parts, seed {seed}.", columns, table)
+
+
 if __name__ == "__main__":
     rest, keep, processes = options(sys.argv[1:])
     if rest[:1] == ["excluded"]:
         figures, kinds = [w for w in rest[1:] if w.isdecimal()], [w for w in rest[1:] if not w.isdecimal()]
         scenes, seed = (int(figures[i]) if len(figures) > i else default for i, default in ((0, 100), (1, 1)))
         print(excluded_table(scenes, seed, kinds or list(SENSED), keep, processes).markdown())
+        sys.exit()
+    if rest[:1] == ["shapes"]:
+        print(shapes(*(int(rest[i]) if len(rest) > i else default for i, default in ((1, 24), (2, 1)))).markdown())
         sys.exit()
     scenes, seed = (int(rest[i]) if len(rest) > i else default for i, default in ((0, 4), (1, 20261203)))
     print(run(scenes, seed, keep, processes).markdown())

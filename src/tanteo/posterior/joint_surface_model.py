@@ -1,20 +1,56 @@
 """Joint model of the surfaces of an unknown object: made objects have parallel and perpendicular faces.
 
-Most objects have faces along three perpendicular axes, and several faces in one plane.
+Most objects have faces along three perpendicular axes, and several faces in one plane. Labels and sensed normals show
+such faces. Readings without either may share planes, and readings anywhere in a ball hardly ever lie on few planes.
+Poses of the parts propose which readings do. The unknown object has planes of its own through them: its size and
+position are unknown, and most of its surface is on its bounding box (decision 62).
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
 from tanteo.geometry import SO3, maximize
 from tanteo.geometry.special import log_even, log_sum
-from tanteo.geometry.typing import Covariances, FloatArray, Vectors
-from tanteo.posterior.labels import Facets
+from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Rotations, Transforms, Vectors
+from tanteo.parts import Part
+from tanteo.posterior.details import Details
+from tanteo.posterior.labels import ANGLES, SMALLEST, Facets
+from tanteo.posterior.outliers import JEFFREYS
+from tanteo.posterior.problem import Problem
 from tanteo.posterior.settings import DEFAULTS, Settings
+from tanteo.posterior.touched_region import LARGER
 
 _AXIS_STEPS = 3
 """Numerical: Newton steps from axes of a pair of normals to a maximum; convergence is quadratic."""
+
+_COVERED = 1, JEFFREYS
+"""Parameters of the beta density of the fraction of a side of the bounding box that has a face. Its moments 1, 2, 3, 5
+are 0.67, 0.53, 0.46, 0.37; those of the parts of ``benchmarks/unknown_parts.py shapes`` 0.61, 0.48, 0.41, 0.35."""
+
+_ALIGNED = 1e-3
+"""Numerical: largest sine of the angle between normals of a CAD part that are parallel."""
+
+_SAME = 1e-6
+"""Numerical: largest distance of two faces in one plane over the diagonal of the part."""
+
+_GRAZING = 0.02
+"""Numerical: smallest cosine of incidence of a beam, as in the core."""
+
+_ATTITUDES = 8 * np.pi**2 / 24
+"""Definition: volume of the attitudes of three perpendicular axes; 24 are equal [rad^3]."""
+
+_SCALES = np.linspace(-4.0, 4.0, 33)
+"""Numerical: nodes of the integral over the state of the noise scale."""
+
+_GENERIC = np.sqrt([1.0, 2.0, 3.0])
+"""Numerical: a direction that is along no face; it distinguishes the two sides of a plane."""
+
+_SIDES = 12
+"""Numerical: nodes of the integral over each side of the bounding box."""
 
 
 def log_joint_surfaces(facets: Facets, share: float, radius: float, settings: Settings = DEFAULTS) -> float:
@@ -119,3 +155,322 @@ def _maximized(
 
     frames, _ = maximize(frames, lambda at: evaluate(at)[:2], lambda at, step: SO3.exp(step) @ at, _AXIS_STEPS)
     return evaluate(frames)[2], frames
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedPlanes:
+    """Readings that share planes at a pose of a part.
+
+    Attributes:
+        planes: rows of the readings of each plane, and the side of the plane on which the object is; they identify the
+            assumption.
+        log_gain: log density of the readings on an object with these planes, over that of readings anywhere.
+    """
+
+    planes: frozenset[tuple[frozenset[int], bool]]
+    log_gain: float
+
+
+def log_gain_of_planes(found: Iterable[SharedPlanes]) -> float:
+    """Return the log density of readings on an unknown object, over that of readings anywhere.
+
+    Half of the unknown objects have flat faces. Their density is the sum over all sets of readings that share planes.
+    """
+    best: dict[frozenset[tuple[frozenset[int], bool]], float] = {}
+    for one in found:
+        best[one.planes] = max(best.get(one.planes, -np.inf), one.log_gain)
+    return float(np.logaddexp(0.0, log_sum(list(best.values()))) - np.log(2)) if best else 0.0
+
+
+def shared_planes(
+    at: Details, problem: Problem, part: Part, Ts: Transforms, zs: FloatArray, volume: float
+) -> list[SharedPlanes]:
+    """Return which readings share planes at each pose of a part, and their densities on an unknown object.
+
+    Args:
+        at: readings at the poses.
+        problem: measurements and priors.
+        part: the part.
+        Ts: poses of the part ``(S, 4, 4)``.
+        zs: states beside the pose: shared errors, and the noise scale ``(S, D)``.
+        volume: volume of the possible centres of an object [m^3].
+    """
+    free, out = np.flatnonzero(_without_plane(problem)), list[SharedPlanes]()
+    flat = np.array([face.surface == "plane" for face in part.faces], dtype=np.bool_)
+    if len(free) < 2:
+        return out
+    for s, T in enumerate(Ts):
+        own = _Box.of(at, s, problem, free, flat, _SAME * part.diagonal, T)
+        if own is not None:
+            log = own.log_places(problem, volume, part) + own.log_integral(problem, zs[s])
+            out.append(SharedPlanes(own.planes(T), log))
+    return out
+
+
+def _without_plane(problem: Problem) -> BoolArray:
+    """Return the readings of a surface of which nothing else is known: no label, no normal, no furniture ``(n,)``."""
+    points = problem.points
+    surface = [f.on_surface and f.codimension == 1 and not f.round_face for f in points.factors]
+    known = (problem.groups >= 0) | points.oriented | problem.furniture.on_furniture | problem.distant.rows
+    return np.array(surface, dtype=np.bool_) & ~known
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Box:
+    """Readings on an object with planes and a bounding box, in the frame of a part at its pose.
+
+    Attributes:
+        rows: rows of the readings ``(n,)``.
+        numbers: plane of each reading; -1 elsewhere on the object, -2 off it ``(n,)``.
+        points: places relative to their mean ``(n, 3)`` [m].
+        distances: signed distances from the planes of the part ``(n,)`` [m].
+        per_sd: one over the standard deviation along the normal ``(n,)`` [1/m].
+        normals: outward normals of the planes ``(K, 3)``.
+        axes: three axes of the box, as columns ``(3, 3)``.
+        ends: end of the box that each plane is: 1 to 3 the upper end of an axis, -1 to -3 the lower one; 0 for a plane
+            inside ``(K,)``.
+        cosines: cosines of incidence ``(n,)``.
+        shared: derivatives of the distances by the shared errors ``(n, E)`` [m].
+    """
+
+    rows: IntArray
+    numbers: IntArray
+    points: Vectors
+    distances: FloatArray
+    per_sd: FloatArray
+    normals: Vectors
+    axes: Rotations
+    ends: IntArray
+    cosines: FloatArray
+    shared: FloatArray
+
+    @classmethod
+    def of(
+        cls, at: Details, s: int, problem: Problem, rows: IntArray, flat: BoolArray, same: float, T: Transforms
+    ) -> _Box | None:
+        """Return the readings at pose ``s``; None if no two of them share a plane.
+
+        Args:
+            at: readings at the poses.
+            s: number of the pose.
+            problem: measurements and priors.
+            rows: rows of the readings ``(n,)``.
+            flat: whether each face of the part is a plane.
+            same: largest distance of two faces in one plane [m].
+            T: the pose.
+        """
+        n, points, d = at.normals[s, rows], at.in_part[s, rows], at.distances[s, rows]
+        on, face = at.inlier_probability[s, rows] > 0.5, at.faces[s, rows]
+        plane = on & (face >= 0) & flat[np.maximum(face, 0)]
+        heights = np.sum(points * n, axis=1) - d
+        together = (
+            (n @ n.T > 1 - _ALIGNED**2 / 2) & (np.abs(heights[:, None] - heights) < same) & plane & plane[:, None]
+        )
+        counts = together.sum(axis=1)
+        if counts.max() < 2:
+            return None
+        axes = _axes(n[plane], counts[plane])
+        points, per_sd = points - points.mean(axis=0), at.per_sd[s, rows]
+        along, slack = points @ axes, 4 / per_sd
+        ends = np.zeros(len(rows), dtype=np.int64)
+        for k in np.flatnonzero(plane):
+            axis = int(np.argmax(np.abs(n[k] @ axes)))
+            if abs(n[k] @ axes[:, axis]) < 1 - _ALIGNED**2 / 2:
+                continue
+            sign = 1 if n[k] @ axes[:, axis] > 0 else -1
+            beyond = sign * (along[on, axis] - along[k, axis])
+            if np.all(beyond < slack[on] + slack[k]):
+                ends[k] = sign * (axis + 1)
+            elif not problem.points.directed[rows[k]] and np.all(-beyond < slack[on] + slack[k]):
+                ends[k] = -sign * (axis + 1)
+        kept = plane & ((counts > 1) | (ends != 0))
+        first = together.argmax(axis=1)
+        numbers = np.full(len(rows), -1)
+        order, numbers[kept] = np.unique(first[kept], return_inverse=True)
+        numbers[~on & ~_inside(along, ends, slack)] = -2
+        world = n @ T[:3, :3].T
+        cosines = np.maximum(np.abs(np.sum(world * problem.points.directions[rows], axis=1)), _GRAZING)
+        shared = np.einsum("ni,nik->nk", world, problem.points.shared_jacobian[rows])
+        return cls(rows, numbers, points, d, per_sd, n[order], axes, ends[order], cosines, shared)
+
+    def planes(self, T: Transforms) -> frozenset[tuple[frozenset[int], bool]]:
+        """Return the rows of the readings of each plane, and the side on which the object is.
+
+        Args:
+            T: pose of the part.
+        """
+        rows = (frozenset(self.rows[self.numbers == k].tolist()) for k in range(len(self.normals)))
+        outward = [self.axes[:, abs(end) - 1] * np.sign(end) if end else np.zeros(3) for end in self.ends]
+        sides = (np.array(outward) @ T[:3, :3].T) @ _GENERIC > 0
+        return frozenset(zip(rows, sides.tolist(), strict=True))
+
+    @property
+    def aligned(self) -> BoolArray:
+        """Return whether each plane is along one of the axes ``(K,)``."""
+        return np.asarray(np.abs(self.normals @ self.axes).max(axis=1) > 1 - _ALIGNED**2 / 2)
+
+    def log_places(self, problem: Problem, volume: float, part: Part) -> float:
+        """Return the log density of the places along the planes, and of the planes, over that of readings anywhere.
+
+        Places on the bounding box are even over it. The first reading of a plane inside is even over the box. Each
+        further one has the density of a place on the surface, if the face reaches there.
+
+        Args:
+            problem: measurements and priors.
+            volume: volume of the possible centres of an object [m^3].
+            part: the part, whose area over that of its bounding box is that of the object.
+        """
+        share, directed = problem.priors.right_angled, problem.points.directed[self.rows]
+        outer, of_planes = np.zeros(len(self.rows), dtype=np.bool_), 0.0
+        outer[self.numbers >= 0] = self.ends[self.numbers[self.numbers >= 0]] != 0
+        later = np.zeros(len(self.rows), dtype=np.bool_)  # readings of a plane inside, beyond the first one
+        for k, (normal, aligned) in enumerate(zip(self.normals, self.aligned, strict=True)):
+            own = self.numbers == k
+            if self.ends[k] != 0:
+                of_planes += log_covered(int(own.sum()))
+            else:
+                of_planes += np.log(share / 3) if aligned else np.log((1 - share) / (2 * np.pi))
+                of_planes += log_reach(
+                    self.points[own] @ SO3.frame_from_axis(normal, 2)[:, :2], 2 * problem.priors.radius
+                )
+                later[np.flatnonzero(own)[1:]] = True
+        single, off = ~outer & ~later & (self.numbers > -2), self.numbers == -2
+        log_sides, sides = self._sides(2 * problem.priors.radius)
+        a, b, c = np.meshgrid(*sides, indexing="ij")
+        log_area, log_volume = np.log(a * b + b * c + c * a) + _log_filled(part), np.log(a * b * c)
+        even = log_sides[0][:, None, None] + log_sides[1][:, None] + log_sides[2]
+        even = even - log_area * np.sum((outer | later) & ~directed) - log_volume * np.sum(single & ~directed)
+        even -= (np.log(4) + log_volume - log_area) * np.sum(single & directed)  # mean chord (Cauchy)
+        region, firsts = problem.region, int(np.sum(~directed & ~off))
+        chosen = even + max(firsts - 1, 0) * np.maximum(log_area - np.log(region.area), 0.0) if firsts else even
+        log = np.logaddexp(log_sum(even), log_sum(chosen)) - np.log(2) + of_planes
+        log += np.log(1 - np.exp(log_covered(1))) * single.sum()
+        log += np.log(self.cosines[(outer | later) & directed]).sum()
+        log += np.sum(np.log(problem.priors.outlier_rate) + problem.log_outlier[self.rows[off]])
+        anywhere = (
+            log_even(region.log_gain_of_unknown(part.area)) + np.log(volume) + problem.log_outlier[self.rows].sum()
+        )
+        return float(log - anywhere)
+
+    def _sides(self, longest: float) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Return log weights and lengths of the sides of the box along each axis, which are even up to the longest one.
+
+        A plane at an end fixes this end. If there is none, the box may be anywhere about the readings.
+        """
+        logs, sides = [], []
+        for axis in range(3):
+            along = self.points @ self.axes[:, axis]
+            upper, lower = (np.isin(self.numbers, np.flatnonzero(self.ends == end)) for end in (axis + 1, -axis - 1))
+            on = self.numbers > -2
+            low, high = along[on].min(), along[on].max()
+            if upper.any() and lower.any():
+                logs.append(np.array([-np.log(longest)]))
+                sides.append(np.array([max(along[upper].mean() - along[lower].mean(), SMALLEST * longest)]))
+                continue
+            shortest = max(high - low, SMALLEST * longest)
+            most = max(longest, LARGER * shortest)
+            side = shortest + (np.arange(_SIDES) + 0.5) / _SIDES * (most - shortest)
+            slide = np.zeros(_SIDES) if upper.any() or lower.any() else np.log(side - (high - low))
+            logs.append(slide + np.log((most - shortest) / (_SIDES * most)))
+            sides.append(side)
+        return logs, sides
+
+    def log_integral(self, problem: Problem, z: FloatArray) -> float:
+        """Return the log integral over axes, distances of the planes, shared errors and noise scale.
+
+        Distances of readings are linear in the states about the pose of the part, so that the integral is normal.
+
+        Args:
+            problem: measurements and priors.
+            z: states at the pose of the part ``(D,)``.
+        """
+        rows = np.flatnonzero(self.numbers >= 0)
+        numbers, points, per_sd = self.numbers[rows], self.points[rows], self.per_sd[rows]
+        normals, on = self.normals[numbers], self.aligned[numbers]
+        K, E = len(self.normals), self.shared.shape[1]
+        turns, planes = np.cross(points, normals), np.eye(K)[numbers]
+        off = np.flatnonzero(~self.aligned)
+        tilts = [planes[:, k, None] * (turns @ SO3.frame_from_axis(self.normals[k], 2)[:, :2]) for k in off]
+        J = np.concatenate([planes, np.where(on[:, None], turns, 0.0), *tilts, -self.shared[rows]], axis=1)
+        J, r = J * per_sd[:, None], self.distances[rows] * per_sd
+        priors = np.zeros(K), np.full(3, 2 * np.pi / _ATTITUDES ** (2 / 3)), np.ones(2 * len(off) + E)
+        H, pull = J.T @ J + np.diag(np.concatenate(priors)), J.T @ r
+        pull[len(pull) - E :] -= z[:E]
+        chi2 = max(float(r @ r + z[:E] @ z[:E] - pull @ np.linalg.solve(H, pull)), 0.0)
+        freedom = len(r) - (len(H) - E)
+        log = float(np.log(per_sd).sum() - 0.5 * np.linalg.slogdet(H)[1] - np.log(_ATTITUDES))
+        log -= 0.5 * freedom * np.log(2 * np.pi)
+        if not problem.scale_sd:
+            return log - 0.5 * chi2
+        larger = problem.scale_sd * (_SCALES - z[-1])  # log of the noise scale over that of the pose
+        prior = -(_SCALES**4) / 16
+        return log + float(log_sum(prior - freedom * larger - 0.5 * chi2 * np.exp(-2 * larger)) - log_sum(prior))
+
+
+def _log_filled(part: Part) -> float:
+    """Return the log of the area of a part over the sum of the areas of three sides of its bounding box."""
+    a, b, c = np.maximum(np.ptp(part.box, axis=0), SMALLEST * part.diagonal)
+    return float(np.log(part.area / (a * b + b * c + c * a)))
+
+
+def _inside(along: Vectors, ends: IntArray, slack: FloatArray) -> BoolArray:
+    """Return which places are not beyond an end of the box that a reading is on ``(n,)``.
+
+    Args:
+        along: places along the axes ``(n, 3)`` [m].
+        ends: end of the box that each reading is on, as in :class:`_Box`; 0 for others ``(n,)``.
+        slack: largest deviation of each reading ``(n,)`` [m].
+    """
+    inside = np.ones(len(along), dtype=np.bool_)
+    for k in np.flatnonzero(ends):
+        axis, sign = abs(int(ends[k])) - 1, np.sign(ends[k])
+        inside &= sign * (along[:, axis] - along[k, axis]) < slack + slack[k]
+    return inside
+
+
+def _axes(normals: Vectors, counts: IntArray) -> Rotations:
+    """Return three perpendicular axes, as columns, that most readings on planes agree with ``(3, 3)``.
+
+    Args:
+        normals: normals of the planes of the readings ``(n, 3)``.
+        counts: number of readings in the same plane ``(n,)``.
+    """
+    x = normals[np.argmax(counts)]
+    cosines = np.abs(normals @ normals.T)
+    best, most = SO3.frame_from_axis(x, 2), -1
+    for a, b in np.argwhere(np.triu(cosines < _ALIGNED)):
+        frame = np.stack([normals[a], normals[b], np.cross(normals[a], normals[b])], axis=1)
+        agree = int(np.sum(np.abs(normals @ frame).max(axis=1) > 1 - _ALIGNED**2 / 2))
+        if agree > most:
+            best, most = frame, agree
+    return np.asarray(best)
+
+
+def log_covered(count: int) -> float:
+    """Return the log probability that a side of the bounding box has a face at some places.
+
+    Args:
+        count: number of the places.
+    """
+    a, b = _COVERED
+    k = np.arange(count)
+    return float(np.log((a + k) / (a + b + k)).sum())
+
+
+def log_reach(places: FloatArray, longest: float) -> float:
+    """Return the log probability that a face with one of some readings on it reaches to all others.
+
+    The face is a rectangle at any angle and place. Its sides are log-uniform up to the longest one.
+
+    Args:
+        places: places of the readings in the plane ``(n, 2)`` [m].
+        longest: longest side of a face [m].
+    """
+    angles = np.arange(ANGLES) * np.pi / (2 * ANGLES)
+    turns = np.stack([np.cos(angles), np.sin(angles), -np.sin(angles), np.cos(angles)], axis=1).reshape(-1, 2, 2)
+    extents = np.ptp(places @ np.swapaxes(turns, 1, 2), axis=1)
+    shortest = SMALLEST * longest
+    low = np.clip(extents, shortest, longest)
+    covered = np.maximum(longest - low - extents * np.log(longest / low), np.finfo(float).tiny)
+    log = np.log(covered / (longest - shortest)).sum(axis=1)
+    return float(log_sum(log) - np.log(len(log)))

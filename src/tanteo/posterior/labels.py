@@ -20,10 +20,10 @@ _COUNT = 6
 """Number of points of a label that count (decision 62). A made face deviates equally for all of them, so more points
 carry no more information on whether the face is the part's."""
 
-_SMALLEST = 1 / 32
+SMALLEST = 1 / 32
 """Shortest side of a face, and shortest edge, over the diameter of the object; sides are log-uniform above it."""
 
-_ANGLES = 16
+ANGLES = 16
 """Numerical: number of angles of the sides of a face over a quarter of a turn."""
 
 
@@ -190,7 +190,7 @@ def _log_together(places: FloatArray, radius: float, anywhere: float) -> float:
         anywhere: mean area or length of sections of the object [m^2 or m].
     """
     n, free = places.shape
-    angles = np.arange(_ANGLES) * np.pi / (2 * _ANGLES) if free == 2 else np.zeros(1)
+    angles = np.arange(ANGLES) * np.pi / (2 * ANGLES) if free == 2 else np.zeros(1)
     axes = np.stack([np.cos(angles), np.sin(angles), -np.sin(angles), np.cos(angles)], axis=1).reshape(-1, 2, 2)
     along = places @ axes[:, :free, :free]  # (angles, n, free)
     log = _log_interval(along.max(axis=1) - along.min(axis=1), n, 2 * radius).sum(axis=1)
@@ -208,7 +208,7 @@ def _log_interval(extents: FloatArray, n: int, longest: float) -> FloatArray:
         n: number of points.
         longest: longest interval, unless the points need more [m].
     """
-    shortest = _SMALLEST * longest
+    shortest = SMALLEST * longest
     low, high = np.maximum(extents, shortest), np.maximum(longest, LARGER * extents)
     log_ratio = np.log(low / high)
     first = -log_ratio if n == 2 else -np.expm1((n - 2) * log_ratio) / (n - 2)

@@ -12,6 +12,7 @@ from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.posterior.candidate_pruning import Unsearched, prune
 from tanteo.posterior.details import details_at
+from tanteo.posterior.joint_surface_model import SharedPlanes, log_gain_of_planes, shared_planes
 from tanteo.posterior.near_variants import log_density_of_near_variant
 from tanteo.posterior.part_search import PartSearch, common_random_numbers, start_search, start_searches
 from tanteo.posterior.prepared import PreparedPart
@@ -23,7 +24,7 @@ from tanteo.posterior.sampling.placements import Placements, are_placeable, inte
 from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.posterior.sampling.sampling import sample
 from tanteo.posterior.symmetry import log_orbit
-from tanteo.posterior.unknown import log_anywhere, log_unknown
+from tanteo.posterior.unknown import log_anywhere, log_unknown, possible_centres
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,16 +103,14 @@ def _integrated(
     integrate(placed, anywhere)
     if max((one.ess for one in placed), default=0.0) < problem.settings.samples.shape:
         return None
-    modes, variants = [], []
+    modes, like = [], []
     for search, one in zip(searches, placed, strict=True):
         search.peaks = one.maxima() if len(one.Ts) else search.peaks
         if len(search.peaks):
             modes.append(one.mode(search.peaks))
-            variants.append(
-                _log_variant(one.objective, search.peaks.take(np.zeros(1, dtype=np.int64)), np.array([one.log_mass]))
-            )
+            like.append(_like(one.objective, search.peaks.take(np.zeros(1, dtype=np.int64)), np.array([one.log_mass])))
     priors = np.full(len(searches), prior)
-    return _posterior(problem, searches, priors, anywhere, modes, variants, followed=True)
+    return _posterior(problem, searches, priors, anywhere, modes, like, followed=True)
 
 
 def search_about(
@@ -206,12 +205,12 @@ def weigh(
     found = [(s, float(prior), own) for s, prior, own in drawing if len(s.peaks)]
     evidence = np.array([s.log_evidence + prior for s, prior, _ in found])
     total, best = float(log_sum([anywhere, *evidence])), evidence.max(initial=-np.inf)
-    samplers, variants = [], []
+    samplers, like = [], list[_Like]()
     for (s, prior, prior_samples), own in zip(found, evidence, strict=True):
         if own > total - negligible or own == best:
             samplers.append(_sampler(s, prior, max(total, best), prior_samples))
         elif own > total - 2 * negligible:  # a variant of a part explains more than the part
-            variants.append(_log_variant(s.objective, s.peaks, s.peaks.evidence + own - log_sum(s.peaks.evidence)))
+            like.append(_like(s.objective, s.peaks, s.peaks.evidence + own - log_sum(s.peaks.evidence)))
     sample(samplers, anywhere)
     modes = []
     sampled = float(log_sum([anywhere, *(float(log_sum(sampler.masses()[0])) for sampler in samplers)]))
@@ -219,8 +218,8 @@ def weigh(
         own_modes = modes_of(sampler, sampled + float(np.log(problem.settings.samples.min_probability)))
         modes += own_modes
         masses = np.array([mode.log_mass for mode in own_modes])
-        variants.append(_log_variant(sampler.objective, _at_peaks(own_modes, sampler), masses))
-    return _posterior(problem, searches, priors, anywhere, modes, variants, log_left_out, followed=followed)
+        like.append(_like(sampler.objective, _at_peaks(own_modes, sampler), masses))
+    return _posterior(problem, searches, priors, anywhere, modes, like, log_left_out, followed=followed)
 
 
 def _posterior(
@@ -229,16 +228,17 @@ def _posterior(
     priors: FloatArray,
     anywhere: float,
     modes: list[Mode],
-    variants: Sequence[float],
+    like: Sequence[_Like],
     log_left_out: float = -np.inf,
     *,
     followed: bool,
 ) -> Posterior:
-    """Return the posterior of modes and near variants of parts, normalized over all parts; see :func:`weigh`."""
+    """Return the posterior of modes and objects like the parts, normalized over all parts; see :func:`weigh`."""
     negligible = problem.settings.search.negligible
-    given_unknown = np.array(variants) - np.log1p(-problem.priors.unknown)
+    given_unknown = np.array([one.log_variant for one in like]) - np.log1p(-problem.priors.unknown)
+    gain = log_gain_of_planes(found for one in like for found in one.planes)
     # only points distinguish near variants of parts (decision 87)
-    own = log_unknown(anywhere, given_unknown, problem.priors) if len(problem.points) else anywhere
+    own = log_unknown(anywhere + gain, given_unknown, problem.priors) if len(problem.points) else anywhere
     log_none = float(log_sum([own, log_left_out]))
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))
     most = max((mode.log_mass for mode in modes), default=0.0)
@@ -271,15 +271,31 @@ def _at_peaks(modes: Sequence[Mode], sampler: Sampler) -> Peaks:
     return replace(peaks, Ts=np.stack([m.T_peak for m in modes]), zs=np.stack([m.z for m in modes]))
 
 
-def _log_variant(objective: Objective, peaks: Peaks, log_masses: FloatArray) -> float:
-    """Return the log-evidence of near variants of a part about its most probable maxima."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Like:
+    """Unknown objects that are like a part where it is touched.
+
+    Attributes:
+        log_variant: log-evidence of near variants of the part.
+        planes: readings that share planes.
+    """
+
+    log_variant: float
+    planes: list[SharedPlanes]
+
+
+def _like(objective: Objective, peaks: Peaks, log_masses: FloatArray) -> _Like:
+    """Return the unknown objects that are like a part about its most probable maxima."""
     if not len(log_masses):
-        return -np.inf
-    rows = np.argsort(-log_masses, kind="stable")[: objective.problem.settings.search.kept]
-    at = details_at(objective, peaks.Ts[rows], peaks.zs[rows])
-    mean = objective.problem.priors.outlier_rate
-    variant = log_density_of_near_variant(at, objective.prepared.part, mean)
-    return float(log_sum(log_masses[rows] + variant - at.log_points))
+        return _Like(-np.inf, [])
+    problem, part = objective.problem, objective.prepared.part
+    rows = np.argsort(-log_masses, kind="stable")[: problem.settings.search.kept]
+    Ts, zs = peaks.Ts[rows], peaks.zs[rows]
+    at = details_at(objective, Ts, zs)
+    variant = log_density_of_near_variant(at, part, problem.priors.outlier_rate)
+    log = float(log_sum(log_masses[rows] + variant - at.log_points))
+    volume = possible_centres(problem.points.points, problem.priors.radius).volume if len(problem.points) else 1.0
+    return _Like(log, shared_planes(at, problem, part, Ts, zs, volume))
 
 
 def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Generator) -> Sampler:

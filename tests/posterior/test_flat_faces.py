@@ -1,0 +1,142 @@
+"""Unknown objects with flat faces: the density of readings on their planes, and what it decides."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tanteo
+from bare_scenes import box_centred_pose, surface_points, touches_of
+from tanteo.factors import FreeRays
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.special import log_sum
+from tanteo.posterior import Priors, Problem, prepare
+from tanteo.posterior.details import details_at
+from tanteo.posterior.joint_surface_model import SharedPlanes, log_covered, log_gain_of_planes, log_reach, shared_planes
+from tanteo.posterior.part_search import start_search
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "parts"
+SD, RADIUS, VOLUME = 1e-4, 0.1, 2e-3
+
+
+@pytest.fixture(scope="module")
+def block():
+    return prepare(tanteo.read_part(EXAMPLES / "block.step"))
+
+
+def on_faces(target, counts, rng):
+    """Return points on the first faces of a part, so many on each, and the number of the face of each point."""
+    p, _ = surface_points(target, 4000, rng)
+    faces = target.part.triangle_face[target.surface.closest(p).triangles]
+    rows = np.concatenate([np.flatnonzero(faces == f)[:n] for f, n in counts.items()])
+    return p[rows], faces[rows]
+
+
+def shared(target, points, T, **columns):
+    """Return the problem of touches and what they share at a pose, at the noise as stated."""
+    priors = Priors(radius=RADIUS, noise_factor=1.0)
+    problem = Problem(touches_of(points, SD, **columns), FreeRays.none(), priors)
+    objective, zs = start_search(problem, target, np.random.default_rng(0)).objective, np.zeros((1, problem.states))
+    at = details_at(objective, T[None], zs)
+    return problem, at, shared_planes(at, problem, target.part, T[None], zs, VOLUME)
+
+
+@pytest.mark.parametrize(("counts", "errors"), [({0: 5, 2: 4, 4: 3}, 0), ({0: 5, 2: 4, 4: 3}, 2), ({0: 5, 2: 4}, 0)])
+def test_the_density_is_an_integral_over_boxes(block, counts, errors):
+    """Draw boxes from the prior, and turns, planes and shared errors by importance; turns are exact."""
+    rng = np.random.default_rng(errors)
+    p, faces = on_faces(block, counts, rng)
+    T = box_centred_pose(rng)
+    points = SE3.apply(T, p) + SD * rng.normal(size=p.shape)
+    more = {"shared_jacobian": 2e-4 * rng.normal(size=(len(p), 3, errors))} if errors else {}
+    problem, at, (own,) = shared(block, points, T, **more)
+    d, n, local = at.distances[0], at.normals[0], at.in_part[0]
+    middle, K, number = local.mean(axis=0), len(counts), np.unique(faces, return_inverse=True)[1]
+    by_error = np.einsum("ni,nik->nk", n @ T[:3, :3].T, more.get("shared_jacobian", np.zeros((len(p), 3, 0))))
+    J = np.concatenate([np.eye(K)[number], np.cross(local - middle, n), -by_error], axis=1) / SD
+    H = J.T @ J + np.diag(np.r_[np.zeros(K + 3), np.ones(errors)])
+    mean, root = np.linalg.solve(H, J.T @ d / SD), np.linalg.cholesky(1.3 * np.linalg.inv(H))
+    u = rng.normal(size=(200_000, len(H)))
+    x = mean + u @ root.T
+    turned = (SO3.exp(x[:, K : K + 3]) @ n.T).transpose(2, 0, 1)
+    off = d[:, None] - x[:, number].T + np.einsum("nsi,ni->ns", turned - n[:, None], local - middle)
+    off += by_error @ x[:, K + 3 :].T
+    log = -0.5 * np.sum((off / SD) ** 2, axis=0) - len(p) * np.log(np.sqrt(2 * np.pi) * SD)
+    log += 0.5 * np.sum(u**2, axis=1) + np.log(np.diag(root)).sum() + 0.5 * (K + 3) * np.log(2 * np.pi)
+    log += np.log(24) - np.log(8 * np.pi**2) - 0.5 * np.sum(x[:, K + 3 :] ** 2, axis=1)
+    sides, window = 2 * RADIUS * rng.uniform(size=(2_000_000, 3)), 0.5
+    low = np.tile(local.min(axis=0), (len(sides), 1))  # the block is along its own axes, with the faces at lower ends
+    if K == 2:
+        low[:, 2] = middle[2] + window * rng.uniform(-1, 0.2, len(sides))
+    holds = np.all(sides + low > local.max(axis=0), axis=1) & np.all(low < local.min(axis=0) + 1e-9, axis=1)
+    area = 2 * (sides[:, 0] * sides[:, 1] + sides[:, 1] * sides[:, 2] + sides[:, 2] * sides[:, 0])
+    even = area ** -len(p)
+    chosen = even * np.maximum(area / problem.region.area, 1.0) ** (len(p) - 1)
+    boxes = np.mean(holds * (even + chosen) / 2) * (1.2 * window if K == 2 else 1.0)
+    places = np.log(boxes) + sum(log_covered(int(k)) for k in counts.values())
+    anywhere = np.logaddexp(0, problem.region.log_gain_of_unknown(block.part.area)) - np.log(2)
+    anywhere += np.log(VOLUME) + problem.log_outlier.sum()
+    assert {rows for rows, _ in own.planes} == {frozenset(np.flatnonzero(number == k).tolist()) for k in range(K)}
+    expected = float(log_sum(log) - np.log(len(u))) + places - anywhere
+    assert own.log_gain == pytest.approx(expected, abs=0.1)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_the_cover_of_a_side_has_beta_moments(count):
+    fractions = np.random.default_rng(0).beta(1.0, 0.5, 400_000)
+    assert np.exp(log_covered(count)) == pytest.approx(np.mean(fractions**count), rel=0.01)
+
+
+def test_the_reach_of_a_face_is_that_of_random_rectangles():
+    """Draw the sides log-uniformly and the place of the rectangle evenly: condition on the first reading."""
+    rng = np.random.default_rng(5)
+    places = rng.uniform(-0.02, 0.02, (4, 2))
+    sides = 0.2 * np.exp(rng.uniform(np.log(1 / 32), 0.0, (1_000_000, 2)))
+    middle = places[0] + rng.uniform(-0.1, 0.1, sides.shape)
+    angles = rng.uniform(0, np.pi / 2, len(sides))
+    u = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    v = np.stack([-u[:, 1], u[:, 0]], axis=1)
+    inside = [
+        (np.abs(np.sum((q - middle) * u, axis=1)) < sides[:, 0] / 2)
+        & (np.abs(np.sum((q - middle) * v, axis=1)) < sides[:, 1] / 2)
+        for q in places
+    ]
+    reached = np.mean(np.all(inside, axis=0)) / np.mean(inside[0])
+    assert np.exp(log_reach(places, 0.2)) == pytest.approx(reached, rel=0.03)
+
+
+def test_equal_sets_of_readings_count_once():
+    """Several poses propose the same planes; other readings, or another side of a plane, are another assumption."""
+    one = frozenset({(frozenset({0, 1, 2}), True)})
+    others = frozenset({(frozenset({0, 1, 3}), True)}), frozenset({(frozenset({0, 1, 2}), False)})
+    once = log_gain_of_planes([SharedPlanes(one, 4.0)])
+    assert once == pytest.approx(np.log((1 + np.exp(4.0)) / 2))
+    assert log_gain_of_planes([SharedPlanes(one, 4.0), SharedPlanes(one, 3.0)]) == pytest.approx(once)
+    for other in others:
+        both = log_gain_of_planes([SharedPlanes(one, 4.0), SharedPlanes(other, 4.0)])
+        assert both == pytest.approx(np.log((1 + 2 * np.exp(4.0)) / 2))
+    assert log_gain_of_planes([]) == 0.0
+
+
+def test_a_sensed_normal_has_evidence_of_its_own(block):
+    """Planes of labelled and oriented readings are in the density already."""
+    rng = np.random.default_rng(1)
+    p, _ = on_faces(block, {0: 5, 2: 4}, rng)
+    normals = block.surface.normals[block.surface.closest(p).triangles]
+    assert shared(block, p, np.eye(4))[2][0].log_gain > 5
+    assert shared(block, p, np.eye(4), normals=normals, normal_sd=0.05)[2] == []
+
+
+@pytest.mark.parametrize("directed", [False, True])
+def test_two_perpendicular_planes_do_not_recognize_a_part(block, directed):
+    """Touches of two perpendicular planes fit any object with a right angle: the known part is hardly more probable."""
+    rng = np.random.default_rng(1)
+    p, _ = on_faces(block, {0: 6, 2: 4}, rng)
+    normals = block.surface.normals[block.surface.closest(p).triangles]
+    columns = {"directions": -normals} if directed else {}
+    readings = tanteo.Readings.from_columns(p + SD * rng.normal(size=p.shape), sds=np.full(len(p), SD), **columns)
+    wedge = tanteo.read_part(EXAMPLES / "wedge.step")
+    answer = tanteo.identify(readings, [wedge], priors=Priors(unknown=0.5), conventions=False)
+    assert answer.unknown_probability > 0.3
