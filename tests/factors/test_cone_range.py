@@ -198,3 +198,17 @@ def test_random_rays_keep_the_stated_noise(block):
         found = _core.maximize(block.shape, core, np.eye(4)[None].copy(), zs, np.zeros(0), 20, 1e-3, 28.0, 1.0)
         scales.append(problem.scale_sd * found[1][0, -1])
     assert np.mean(scales) == pytest.approx(0, abs=0.4)
+
+
+@pytest.mark.parametrize("response", RESPONSES)
+def test_integrals_at_several_poses_are_those_at_each(block, response):
+    """Predicted ranges are kept for other noise scales at one pose, and never for another pose."""
+    rng = np.random.default_rng(4)
+    sensors = [looking(rng, block.part) for _ in range(6)]
+    ranges = [float(np.nanmin(rays_of(block, s, 500))) + 6e-3 * rng.random() for s in sensors]
+    problem, core = problem_of(block, response, sensors, ranges)
+    Ts, zs = SE3.exp(2e-3 * rng.normal(size=(5, 6))), np.zeros((5, problem.states))
+    together = _core.marginals(block.shape, core, Ts, zs)[0]
+    alone = [_core.marginals(block.shape, core, T[None].copy(), zs[:1])[0][0] for T in Ts]
+    assert len(np.unique(together)) == len(Ts)
+    assert np.array_equal(together, alone)

@@ -9,12 +9,14 @@ import pytest
 
 import tanteo
 from bare_scenes import box_centred_pose, surface_points
+from tanteo import _core
 from tanteo.factors import FreeRays, as_contact_points
 from tanteo.geometry import SE3
 from tanteo.posterior import Priors, Problem, prepare
 from tanteo.posterior.part_search import start_search
 from tanteo.posterior.proposals import InitialPoses
-from tanteo.posterior.sampling.ridges import Paths, follow
+from tanteo.posterior.sampling.peaks import Peaks
+from tanteo.posterior.sampling.ridges import Paths, follow, regions_of_maxima
 from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.sensors import measure
 
@@ -54,6 +56,19 @@ def joined(search, ends):
     straight = Paths(search.objective, ends[None], zs).halved().halved()
     least = straight.lower_end() - 3.0
     return bool((straight.lowest() > least)[0]), bool(follow(straight, least)[0])
+
+
+def test_maxima_on_one_ridge_are_one_region(search):
+    """The block may slide along its touched side, but upside down it is in another region."""
+    objective, middle = search.objective, np.eye(4)
+    middle[:3, 3] = search.objective.prepared.part.box.mean(axis=0)
+    over = middle @ SE3.exp(np.array([0, 0, 0, np.pi, 0, 0])) @ SE3.inverse(middle)
+    Ts = np.concatenate([turned(search, np.zeros(3), np.array([0.0, 1e-3, 2e-3])), over[None]])
+    zs = np.zeros((4, objective.problem.states))
+    logs, _, information = _core.slopes(objective.prepared.shape, objective.core, Ts, zs)
+    rows = np.arange(4)
+    regions = regions_of_maxima(objective, Peaks(Ts, zs, logs, information, logs, 1 << rows))
+    assert [list(own) for own in regions] == [[0, 1, 2], [3]]
 
 
 def test_a_path_follows_a_bent_ridge(search):

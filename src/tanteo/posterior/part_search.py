@@ -17,6 +17,7 @@ from tanteo.posterior.proposals import PROPOSERS, InitialPoses, PriorSamples, Pr
 from tanteo.posterior.proposals.drawn import along_ridge, far_pairs, from_prior
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
 from tanteo.posterior.sampling.peaks import Objective, Peaks, log_missed, point_scales, prior_sds, spread_rows
+from tanteo.posterior.sampling.ridges import regions_of_maxima
 from tanteo.posterior.settings import Effort, SearchSettings
 from tanteo.posterior.symmetry import log_orbit
 
@@ -67,6 +68,7 @@ class PartSearch:
     log_odds: float = 0.0
     _tried: dict[int, Peaks] = field(default_factory=dict)
     _evidence: tuple[Peaks, float] | None = None
+    _missed: tuple[Peaks, float] | None = None
 
     @property
     def settings(self) -> SearchSettings:
@@ -88,8 +90,17 @@ class PartSearch:
         return log_number > np.log(self.settings.rounds)
 
     def log_missed(self) -> float:
-        """Return the log-evidence of the maxima that the search is expected to have missed."""
-        return self._constant + log_missed(self.peaks.evidence, self.peaks.times)
+        """Return the log-evidence of the regions that the search is expected to have missed."""
+        if self._missed is None or self._missed[0] is not self.peaks:
+            peaks = self.peaks
+            log = self._constant + log_missed(peaks.evidence, peaks.times)
+            if log > self.log_evidence + np.log(self.settings.missing):  # several maxima may be one region
+                rows = regions_of_maxima(self.objective, peaks)
+                masses = np.array([float(log_sum(peaks.evidence[own])) for own in rows])
+                sources = np.bitwise_count([np.bitwise_or.reduce(peaks.groups[own]) for own in rows])
+                log = self._constant + log_missed(masses, sources)
+            self._missed = peaks, log
+        return self._missed[1]
 
     @property
     def _constant(self) -> float:

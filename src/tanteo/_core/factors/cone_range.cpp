@@ -123,12 +123,11 @@ class ConeRange final : public OnSurface {
     // Whether the response is unknown: a model of its own for each, which all readings of the problem share. So have the
     // weights of a mean: even, or by the returned signal.
     bool is_open() const { return of_nearest > 0 && of_nearest < 1; }
-    void add(const Shape& shape, const ConeEcho& echo, double share, double noise, double more, double negligible,
-             size_t first, Components& out) const;
-    void evaluate_nearest(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance,
-                          Components& out) const;
-    void evaluate_rays(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance,
-                       Components& out) const;
+    void predict(const Placement& at, double variance) const;
+    void keep(const Placement& at, const ConeEcho& echo, double share, double more, int model) const;
+    void add(const Component& predicted, double noise, double negligible, size_t first, Components& out) const;
+    void predict_nearest(const Placement& at, const Cone& cone, const std::vector<int>& triangles) const;
+    void predict_rays(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance) const;
     double reach(double sd) const { return range + REACH * sd; }
     struct Raster {
         const Section& section;
@@ -238,39 +237,54 @@ void ConeRange::add_outlines(const Shape& shape, const Raster& raster, const std
     }
 }
 
-// Adds a component, or its share to an equal one. The variance is that of the noise, and more that does not depend on it.
-void ConeRange::add(const Shape& shape, const ConeEcho& echo, double share, double noise, double more, double negligible,
-                    size_t first, Components& out) const {
+// Keeps an echo with its probability; `more` is the variance that does not depend on the noise.
+void ConeRange::keep(const Placement& at, const ConeEcho& echo, double share, double more, int model) const {
     Component c;
-    const double variance = noise + more;
     c.unscaled = more;
-    const int model = has_models() ? out.model : -1;
     c.distance = echo.range - range;
-    c.per_sd = 1 / std::sqrt(variance);
-    const double r = c.distance * c.per_sd;
-    if (!(std::fabs(r) < REACH)) return;
-    c.weight = share * c.per_sd * fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - log_outlier);
-    if (!(c.weight >= negligible)) return;
-    c.element = shape.faces[echo.triangle];
-    for (size_t k = first; k < out.size(); ++k) {
-        Component& other = out.all[k];
-        if (other.element != c.element || other.model != model || std::fabs(other.distance - c.distance) * c.per_sd > SAME) continue;
-        const double sum = other.weight + c.weight, own = c.weight / sum;
-        other.distance += own * (c.distance - other.distance);
-        other.normal += own * (echo.by_origin - other.normal);
-        other.by_turn += own * (echo.by_axis - range * echo.by_origin - other.by_turn);
-        other.weight = sum;
-        return;
-    }
-    c.model = model;
+    c.weight = share;
+    c.element = at.shape.faces[echo.triangle];
+    c.model = has_models() ? model : -1;
     c.normal = echo.by_origin;
     c.turns = true;
     c.by_turn = echo.by_axis - range * echo.by_origin;
-    out.all.push_back(c);
+    at.predicted->push_back(c);
+}
+
+// Adds a component, or its share to an equal one. The variance is that of the noise, and more that does not depend on it.
+void ConeRange::add(const Component& predicted, double noise, double negligible, size_t first, Components& out) const {
+    const double per_sd = 1 / std::sqrt(noise + predicted.unscaled), r = predicted.distance * per_sd;
+    if (!(std::fabs(r) < REACH)) return;
+    const double weight = predicted.weight * per_sd * fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - log_outlier);
+    if (!(weight >= negligible)) return;
+    for (size_t k = first; k < out.size(); ++k) {
+        Component& other = out.all[k];
+        if (other.element != predicted.element || other.model != predicted.model ||
+            std::fabs(other.distance - predicted.distance) * per_sd > SAME)
+            continue;
+        const double sum = other.weight + weight, own = weight / sum;
+        other.distance += own * (predicted.distance - other.distance);
+        other.normal += own * (predicted.normal - other.normal);
+        other.by_turn += own * (predicted.by_turn - other.by_turn);
+        other.weight = sum;
+        return;
+    }
+    out.all.push_back(predicted);
+    out.all.back().weight = weight;
+    out.all.back().per_sd = per_sd;
 }
 
 void ConeRange::evaluate(const Placement& at, Components& out) const {
     const double variance = dot(at.m, at.C * at.m);
+    const size_t first = out.size();
+    if (!at.is_known) {
+        at.predicted->clear();
+        predict(at, variance);
+    }
+    for (const Component& one : *at.predicted) add(one, variance, at.negligible, first, out);
+}
+
+void ConeRange::predict(const Placement& at, double variance) const {
     // there was an echo: only the nearest surface must face the device, as other responses weaken with the incidence
     const Cone cone{at.p - range * at.m, at.m, half_angle, 0};
     Cone about{cone.origin, cone.axis, std::min(half_angle * (1 + 1.74 * EDGE_SD), 1.55), least_cosine};
@@ -278,17 +292,13 @@ void ConeRange::evaluate(const Placement& at, Components& out) const {
     const bool all = of_mean + of_strongest > 0;  // surfaces behind the reported range count, too
     const std::vector<int> triangles = triangles_in(at.shape, about, all ? 1e150 : reach(std::sqrt(variance)));
     if (triangles.empty()) return;
-    out.model = 1;
-    if (of_nearest > 0) evaluate_nearest(at, about, triangles, variance, out);
-    out.model = 0;
-    if (of_nearest < 1) evaluate_rays(at, cone, triangles, variance, out);
+    if (of_nearest > 0) predict_nearest(at, about, triangles);
+    if (of_nearest < 1) predict_rays(at, cone, triangles, variance);
 }
 
 // The half angle is uncertain: three nodes of Gauss and Hermite, which the nearest echo shares if it is inside all of them.
-void ConeRange::evaluate_nearest(const Placement& at, const Cone& about, const std::vector<int>& triangles, double variance,
-                                 Components& out) const {
+void ConeRange::predict_nearest(const Placement& at, const Cone& about, const std::vector<int>& triangles) const {
     const double nodes[3] = {1 + 1.732 * EDGE_SD, 1, 1 - 1.732 * EDGE_SD}, weights[3] = {1. / 6, 2. / 3, 1. / 6};
-    const size_t first = out.size();
     Cone cone = about;
     ConeEcho echo;
     double left = 1;
@@ -297,21 +307,20 @@ void ConeRange::evaluate_nearest(const Placement& at, const Cone& about, const s
         echo = nearest_in(at.shape, triangles, cone);
         if (echo.triangle < 0) return;
         const bool last = dot(echo.ray, cone.axis) > std::cos(half_angle * nodes[2]);
-        add(at.shape, echo, of_nearest * (last ? left : weights[k]), variance, 0, at.negligible, first, out);
+        keep(at, echo, of_nearest * (last ? left : weights[k]), 0, 1);
         if (last) return;
         left -= weights[k];
     }
 }
 
-void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance,
-                              Components& out) const {
+void ConeRange::predict_rays(const Placement& at, const Cone& cone, const std::vector<int>& triangles,
+                             double variance) const {
     const auto across = [&](const Vec3& half) {  // in the world the rays turn with the sensor
         const Vec3 own = transposed_times(at.R, half);
         return own - dot(own, cone.axis) * cone.axis;
     };
     const Section section{cone.axis, across(half_u), across(half_v), round};
     const double slope = std::tan(half_angle);
-    const size_t first = out.size();
     const Seen seen(at.shape, triangles, cone.origin, section);
     thread_local std::vector<RayHit> hits;
     Background other;
@@ -353,13 +362,13 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
         echo.triangle = hit.triangle;
         echo.by_origin = (1 / hit.cosine) * hit.normal;
         echo.by_axis = by_axis(hit, cone.axis);
-        add(at.shape, echo, of_rays / (n + other.free[0].weight), variance, cell * cell * tangent2 / rays, at.negligible, first, out);
+        keep(at, echo, of_rays / (n + other.free[0].weight), cell * cell * tangent2 / rays, 0);
     }
     if (!mean) return;
     const Raster raster{section, *pattern, seen, whole, hits};
     thread_local std::vector<Outline> outlines;
     thread_local std::vector<Vec3> turned;
-    if (at.with_slope) {
+    if (at.with_place) {
         find_outlines(raster, other, outlines);
         turned.clear();
         for (const RayHit& hit : hits) turned.push_back(by_axis(hit, cone.axis));
@@ -367,7 +376,7 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
     // The mean of the rays of some faces, which are the hits where face is -1 or that of the triangle, and of furniture; even
     // or by signal. A mean over furniture, too, has the probability of the fraction that the part returns, as the rest of the
     // density is that of furniture alone.
-    const auto add_mean = [&](int face, bool by_signal, const Moments& beside, double share) {
+    const auto add_mean = [&](int face, bool by_signal, const Moments& beside, double share, int model) {
         ConeEcho mean;
         Moments own;
         int count = 0;
@@ -379,7 +388,7 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
         }
         const Moments all{own.weight + beside.weight, own.first + beside.first, own.second + beside.second};
         mean.range = all.mean();
-        if (at.with_slope) {
+        if (at.with_place) {
             for (const RayHit& hit : hits) {
                 if (face >= 0 && at.shape.faces[hit.triangle] != face) continue;
                 const double weight = by_signal ? signal_of(hit.cosine, hit.range) : 1.0, more = hit.range - mean.range;
@@ -393,13 +402,10 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
             mean.by_axis = (1 / all.weight) * mean.by_axis;
         }
         const double raster = error > 0 ? RAYS_ERROR * RAYS_ERROR / (count * std::sqrt(static_cast<double>(count))) : 0;
-        add(at.shape, mean, share * own.weight / all.weight, variance, all.spread() * (WEIGHT_SD * WEIGHT_SD + raster),
-            at.negligible, out.size(), out);
+        keep(at, mean, share * own.weight / all.weight, all.spread() * (WEIGHT_SD * WEIGHT_SD + raster), model);
     };
-    for (int by_signal = 0; by_signal < 2 && of_mean > 0; ++by_signal) {
-        out.model = by_signal;
-        add_mean(-1, by_signal, other.free[by_signal], 0.5 * of_mean);
-    }
+    for (int by_signal = 0; by_signal < 2 && of_mean > 0; ++by_signal)
+        add_mean(-1, by_signal, other.free[by_signal], 0.5 * of_mean, by_signal);
     if (!(of_strongest > 0)) return;
     struct Surface {
         int face;
@@ -418,7 +424,7 @@ void ConeRange::evaluate_rays(const Placement& at, const Cone& cone, const std::
     for (int j = 0; j < faces; ++j) most = std::max(most, surfaces[j].signal);
     double sum = std::pow(other.free[1].weight / most, STRONGER);
     for (int j = 0; j < faces; ++j) sum += surfaces[j].signal = std::pow(surfaces[j].signal / most, STRONGER);
-    for (int j = 0; j < faces; ++j) add_mean(surfaces[j].face, false, {}, of_strongest * surfaces[j].signal / sum);
+    for (int j = 0; j < faces; ++j) add_mean(surfaces[j].face, false, {}, of_strongest * surfaces[j].signal / sum, 0);
 }
 
 // By the distance field: a surface is at the range somewhere in the spot, and the ball that the cone holds is empty.

@@ -75,6 +75,9 @@ struct Placement {
     double negligible;  // density below which a component is dropped
     bool with_slope;
     Vec3 world;         // position in the world, shared errors included
+    bool with_place;    // whether derivatives by position and direction are needed, not by the noise scale alone
+    bool is_known;      // whether the place is that of the last evaluation
+    std::vector<Component>* predicted;  // what a factor keeps of it: components of which only the weight depends on the noise
 };
 
 class FaceQueue;
@@ -84,7 +87,6 @@ struct Components {
     std::vector<Component> all;
     FaceQueue* queue = nullptr;                     // what the factors began
     std::vector<BallContact> contacts, near_faces;  // of one ball
-    int model = 0;                                  // which model of a device is evaluated (Factor::has_models)
 
     size_t size() const { return all.size(); }
 };

@@ -16,6 +16,7 @@ void Likelihood::begin(const State& state, bool with_slope, FaceQueue& shared) {
     components.queue = &shared;
     has_slope = with_slope;
     evaluated.resize(n);
+    predicted.resize(n);
     placements.clear();
     amounts.assign(state.z.begin(), state.z.begin() + problem.shared);
     rates.assign(problem.shared, 1.0);
@@ -76,7 +77,8 @@ void Likelihood::place(const State& state, int j, bool with_slope) {
     for (double& c : C.m) c *= scale;
     for (int i = 0; i < 3; ++i) C(i, i) += factor.extra + blur * blur;
     if (!factor.isotropic) C = turned_into(R, C);
-    placements.push_back({shape, R, own.p, own.m, C, blur, blur_turn, NEGLIGIBLE * problem.mean_rate, with_slope, world});
+    placements.push_back({shape, R, own.p, own.m, C, blur, blur_turn, NEGLIGIBLE * problem.mean_rate, with_slope, world,
+                          with_slope && (with_pose || problem.shared), same_place, &predicted[j]});
     factor.begin(placements.back(), *components.queue);
 }
 

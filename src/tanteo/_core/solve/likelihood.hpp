@@ -67,6 +67,7 @@ class Likelihood {
 
     bool with_terms = true;          // whether further terms are added (PoseTerm)
     bool with_pose = true;           // whether factors add the slope by the pose, too; false: by the other states alone
+    bool same_place = false;         // whether only the noise scale differs from the last state
     std::vector<char> coarse;        // whether each factor counts while noise is blurred; empty: all do
     double blur = 0, blur_turn = 0;  // added to the noise of places [m] and directions [rad]: coarse to fine
     std::vector<double> gradient, information;
@@ -96,6 +97,7 @@ class Likelihood {
     std::vector<int> touched;  // elements that measurements without a direction touch
     std::vector<int> order;  // components of a factor by element
     std::vector<Placement> placements;
+    std::vector<std::vector<Component>> predicted;  // Placement::predicted of each factor
     FaceQueue queue;
     bool has_slope = false;  // whether finish() computes it
 

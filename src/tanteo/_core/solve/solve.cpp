@@ -347,7 +347,9 @@ double marginal(Likelihood& likelihood, const Problem& problem, State& state) {
     if (!D) return likelihood.at(state, false);
     likelihood.with_pose = false;
     Linear at, there;
+    likelihood.same_place = false;
     linearize(likelihood, state, 6, at);
+    likelihood.same_place = !problem.shared;
     double log_det = 0, gain = 0;
     const auto undamped = [](int, double, double) { return 0.0; };
     maximize(at, MARGINAL_STEPS, {}, undamped, [&](const double* step, double predicted, const double* L) {

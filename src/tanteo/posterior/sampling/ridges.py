@@ -14,7 +14,7 @@ import numpy as np
 from tanteo import _core
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
-from tanteo.posterior.sampling.peaks import Objective
+from tanteo.posterior.sampling.peaks import Objective, Peaks
 from tanteo.posterior.settings import POSE_DOF
 
 _REFINEMENTS = 3
@@ -132,6 +132,31 @@ def follow(paths: Paths, least: FloatArray) -> BoolArray:
         out[left[done]] = True
         paths, left = paths.take(~done), left[~done]
     return out
+
+
+def regions_of_maxima(objective: Objective, peaks: Peaks) -> list[IntArray]:
+    """Return the rows of the maxima of each region, the best first.
+
+    A maximum is in the region of the nearest better one if the density is nowhere much lower on the straight path
+    between them. So no maximum unites two better ones.
+
+    Args:
+        objective: the part and the problem.
+        peaks: maxima, best first.
+    """
+    number = np.arange(len(peaks))
+    if len(peaks) > 1:
+        information, centre = objective.of_pose(peaks.information), objective.prepared.shape.centre
+        x = np.stack([_core.offsets(T, peaks.Ts, centre) for T in peaks.Ts])
+        gaps = np.einsum("kni,kij,knj->kn", x, information, x)
+        nearest = np.array([int(np.argmin(gaps[:k, k])) for k in range(1, len(peaks))])
+        ends = [np.stack([values[nearest], values[1:]], axis=1) for values in (peaks.Ts, peaks.zs)]
+        paths = Paths(objective, *ends)
+        least = np.minimum(peaks.logs[nearest], peaks.logs[1:]) - objective.problem.settings.samples.barrier
+        joined = paths.halved().halved().lowest() > least
+        for k in np.flatnonzero(joined):
+            number[k + 1] = number[nearest[k]]
+    return [np.flatnonzero(number == k) for k in np.unique(number)]
 
 
 def _rim(objective: Objective) -> FloatArray:
