@@ -88,6 +88,26 @@ def test_a_repeated_reading_counts_beside_an_inner_corner(block):
     assert tanteo.locate(both, block.part).status == "recognized"
 
 
+@pytest.mark.parametrize("at_border", [False, True])
+def test_a_reading_on_a_neighbouring_face_refutes_nothing(at_border):
+    """A touch beyond the end of the top shows a longer object; touches of the top or at its border do not deny it."""
+    box = prepare(tanteo.read_part(PARTS / "block.step"))
+    rng = np.random.default_rng(4)
+    T, (low, high) = box_centred_pose(rng), box.part.box
+    p, normals = surface_points(box, 60, rng)
+    other_end = low + np.array([[0, 0.02, 0.01], [0, 0.06, 0.02], [0, 0.03, 0.04]])
+    p = np.r_[p[np.abs(normals[:, 0]) < 0.5][:20], other_end]
+    y = 0.5 * (low[1] + high[1])
+    beyond = np.array([high[0] + 6e-3, y, high[2]])
+    p = np.r_[p, [[high[0] - (0.0 if at_border else 4e-3), y + 2e-3, high[2]]], beyond[None]]
+    points = SE3.apply(T, p) + SD * rng.normal(size=p.shape)
+    doubted = tanteo.locate(touches(points, None), box.part)
+    assert (doubted.status, doubted.findings[0].kind) == ("ambiguous", "outlier_or_variant")
+    assert doubted.findings[0].readings == (str(len(p)),)
+    end = SE3.apply(T, np.array([high[0], y, high[2] - 0.015])) + SD * rng.normal(size=3)
+    assert tanteo.locate(touches(np.r_[points, end[None]], None), box.part).status == "recognized"
+
+
 def test_outliers_on_a_plane_that_the_part_touches_are_named(block):
     T, points, directions = scene(block, 20, 2)
     low = SE3.apply(T, block.part.vertices)

@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from tanteo.geometry import SE3
+from tanteo.geometry import SE3, SO3
 from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Vectors
 from tanteo.posterior.answers.pose_prior import Table
@@ -27,7 +27,10 @@ _MOST = 12
 """Numerical: number of outliers whose planes are tried."""
 
 _SIMILAR = 0.5
-"""Numerical: cosine between approaches to one face; those to adjacent faces of a box are perpendicular."""
+"""Numerical: least cosine between an approach and the normal of its face; adjacent faces of a box are perpendicular."""
+
+_ALONG = 0.9
+"""Numerical: least cosine between the way to a displaced face and its normal; it is 1 but for noise and facets."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,34 +118,68 @@ def outlier_or_variant(one: GoodnessOfFit, explained: BoolArray) -> OutlierOrVar
     order: IntArray = doubtful[np.argsort(-residuals[doubtful], kind="stable")]
     named, off = tuple(ids[k] for k in order), tuple(float(distances[k]) for k in order)
     places = tuple((float(x), float(y), float(z)) for x, y, z in problem.points.points[order])
-    numbers = [_approached_face(one, int(k)) for k in order]
+    numbers = [_displaced_face(one, int(k)) for k in order]
     return OutlierOrVariant(part.name, named, off, places, tuple(part.faces[k].name if k >= 0 else "" for k in numbers))
 
 
-def _approached_face(one: GoodnessOfFit, k: int) -> int:
-    """Return the face that the approach to an outlier meets; that nearest to it if no approach is known."""
-    points, at, part = one.mode.objective.problem.points, one.at, one.mode.prepared.part
-    nearest = int(at.faces[0, k])
-    if not points.directed[k]:
-        return nearest
-    into = one.mode.T_peak[:3, :3].T @ points.directions[k]
-    start = SE3.apply(SE3.inverse(one.mode.T_peak), points.points[k]) - 2 * abs(float(at.distances[0, k])) * into
-    hit = one.mode.prepared.surface.cast(start, into)
-    return int(part.triangle_face[int(hit.triangles)]) if np.isfinite(hit.distances) else nearest
+def _displaced_face(one: GoodnessOfFit, k: int) -> int:
+    """Return the face that would pass through an outlier if it were displaced; -1 if there is none.
+
+    It is the face that the approach meets. Without one it is the face on the way to the nearest place of the surface,
+    if that way is along its normal. Beyond the end of a face, it is the face at the end.
+    """
+    points, at = one.mode.objective.problem.points, one.at
+    x, T = at.in_part[0, k], one.mode.T_peak
+    if points.directed[k]:
+        into = T[:3, :3].T @ points.directions[k]
+        faces, _ = _faces_hit(one, x - 2 * abs(float(at.distances[0, k])) * into, into, 0.0)
+        if faces[0] >= 0:
+            return int(faces[0])
+    near = one.mode.prepared.surface.closest(x)
+    way = near.points - x
+    if not near.distances > 0:
+        return int(at.faces[0, k])
+    faces, normals = _faces_hit(one, x, way / near.distances, _reach(one, k))
+    along = np.flatnonzero((faces >= 0) & (np.abs(normals @ way) > _ALONG * near.distances))
+    return int(faces[along[0]]) if len(along) else -1
+
+
+def _faces_hit(one: GoodnessOfFit, start: Vectors, way: Vectors, spread: float) -> tuple[IntArray, Vectors]:
+    """Return faces and normals that a ray and four rays beside it hit ``(5,)``, ``(5, 3)``; -1 where one misses."""
+    prepared, (u, v) = one.mode.prepared, SO3.frame_from_axis(way, 2)[:, :2].T
+    beside = spread * np.stack([np.zeros(3), u, -u, v, -v])
+    triangles = prepared.surface.cast(start + beside, np.broadcast_to(way, beside.shape)).triangles
+    faces = np.where(triangles >= 0, prepared.part.triangle_face[triangles], -1)
+    return faces, prepared.surface.normals[triangles]
+
+
+def _reach(one: GoodnessOfFit, k: int) -> float:
+    """Return the largest error of the place of a reading [m]."""
+    return float(one.mode.objective.problem.settings.search.gate / one.at.per_sd[0, k])
 
 
 def _is_refuted(one: GoodnessOfFit, k: int) -> bool:
-    """Return whether a reading near an outlier is on the part, on the face nearest to the outlier or to its approach.
+    """Return whether a reading on the part shows that the face through an outlier is where the part has it.
 
-    A reading that is some millimetres off a face near its border is nearest to another face.
+    The reading is near the outlier and on this face for sure: a reading on a neighbouring face shows nothing.
     """
-    points, at, edges = one.mode.objective.problem.points, one.at, one.mode.prepared.part.edges
-    faces = {int(at.faces[0, k]), _approached_face(one, k)}
-    same = np.isin(at.faces[0], list(faces)) & one.inliers
-    for row in np.flatnonzero(one.inliers & (at.faces[0] < -1)):
+    at, edges = one.at, one.mode.prepared.part.edges
+    face = _displaced_face(one, k)
+    if face < 0:
+        return False
+    away = np.linalg.norm(at.in_part[0] - at.in_part[0, k], axis=1)
+    near = one.inliers & (away < NEAR * one.mode.prepared.part.diagonal)
+    for row in np.flatnonzero(near & (at.faces[0] < -1)):
         edge = -2 - int(at.faces[0, row])
-        same[row] |= edge < len(edges) and bool(faces & set(edges.faces[edge].tolist()))
-    same &= np.linalg.norm(points.points - points.points[k], axis=1) < NEAR * one.mode.prepared.part.diagonal
-    if points.directed[k]:
-        same &= ~points.directed | (points.directions @ points.directions[k] > _SIMILAR)
-    return bool(same.any())
+        if edge < len(edges) and face in edges.faces[edge]:
+            return True
+    return any(_is_on(one, int(row), face) for row in np.flatnonzero(near & (at.faces[0] == face)))
+
+
+def _is_on(one: GoodnessOfFit, row: int, face: int) -> bool:
+    """Return whether a reading is on its face for sure: by its approach, or because no other face is near."""
+    points, at = one.mode.objective.problem.points, one.at
+    normal, reach = at.normals[0, row], _reach(one, row)
+    if points.directed[row]:
+        return bool(one.mode.T_peak[:3, :3] @ normal @ points.directions[row] < -_SIMILAR)
+    return bool(np.all(_faces_hit(one, at.in_part[0, row] + reach * normal, -normal, reach)[0] == face))
