@@ -277,9 +277,6 @@ class SampleSettings:
             samples.min_fraction 0.03 0.1 0.3 --rows touch=16 prior=16``.
         clip: largest weight of a sample while components adapt, as one over this number of all. Flat from 5 to 60:
             ``python benchmarks/sweep.py samples.clip 5 15 60 --rows touch=16 prior=16``.
-        barrier: fall of the log density between two maxima of one region [nats], less than to the border of a region
-            of two standard deviations in six directions. ``python benchmarks/sweep.py
-            samples.barrier 0 3 9 --rows touch=16 prior=16``.
         edge_sd: largest standard deviation of a motion by samples, over the part's size, at which the ends of faces
             constrain that motion. Row hard_walls.
         reopen_probability: probability of the unknown object from which all parts are searched again. Row
@@ -301,7 +298,6 @@ class SampleSettings:
     region: float = 1e-3
     min_fraction: float = 0.1
     clip: int = 15
-    barrier: float = 3.0
     edge_sd: float = 0.05
     reopen_probability: float = 0.2
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.special import chi2_quantile
@@ -78,11 +80,12 @@ def modes_of(sampler: Sampler, least: float = -np.inf) -> list[Mode]:
     W = sampler.weights(float(sampler.log_weights.max()))[:, None] * sampler.shares
     sums = W.sum(axis=0)
     inside = _inside(sampler)
-    together = (common_samples(sampler) | inside) & sampled & sampled[:, None]
-    together |= _in_one_valley(sampler, np.flatnonzero(sampled), together, least)
+    together = np.zeros_like(inside) if sampler.fixes_pose else (common_samples(sampler) | inside) & sampled
     top, out = float(sampler.log_weights.max()), []
     curved = from_centre(sampler.objective, sampler.objective.of_pose(sampler.peaks.information))
-    for rows in regions_of(sampler, together):
+    for rows in _without_valleys(
+        sampler, np.flatnonzero(sampled), regions_of(sampler, together & sampled[:, None]), least
+    ):
         if not sampled[rows].any():
             continue
         log_mass = float(mass[rows[0]]) if len(rows) == 1 else float(np.log(sums[rows].sum())) + top
@@ -131,55 +134,63 @@ def regions_of(sampler: Sampler, together: BoolArray) -> list[IntArray]:
     return sorted((np.sort(one) for one in regions), key=lambda one: int(one[0]))
 
 
-def _in_one_valley(sampler: Sampler, rows: IntArray, together: BoolArray, mass: float) -> BoolArray:
-    """Return which maxima a path joins that is nowhere much less dense than the lower of both ``(m, m)``.
+def _without_valleys(sampler: Sampler, rows: IntArray, regions: Sequence[IntArray], mass: float) -> list[IntArray]:
+    """Return the regions of the maxima of a part, those united that a path joins without a valley.
 
-    A round face of facets has a maximum on each facet, but turns about it are one region. If there are enough
-    measurements for a pose, the paths between probable maxima follow ridges that are bent.
+    A valley is outside of the 95 % region of the lower maximum if that were normal. Highest paths unite first, so a
+    maximum beside a pass belongs to one side, and is no stone across (persistence of maxima: Chazal, Guibas, Oudot and
+    Skraba 2013). A round face of facets has a maximum on each facet, but turns about it are one region. If there are
+    enough measurements for a pose, the paths between probable maxima follow ridges that are bent; samples in common do
+    not unite maxima there, since their components are wide.
 
     Args:
         sampler: samples of the part.
-        rows: the maxima ``(R,)``.
-        together: which maxima are known to be one region; no path between two of one region is tried ``(m, m)``.
+        rows: the maxima that have samples ``(R,)``.
+        regions: regions of the maxima by their samples.
         mass: log mass below which a maximum is not probable.
     """
-    peaks, out, own = sampler.peaks, np.zeros((len(sampler.peaks),) * 2, dtype=bool), sampler.settings
+    peaks, objective = sampler.peaks, sampler.objective
+    region = np.zeros(len(peaks), dtype=np.int64)
+    for k, one in enumerate(regions):
+        region[one] = k
     first, second = (rows[k] for k in np.triu_indices(len(rows), 1))
-    region = _region_numbers(sampler, together)
     apart = region[first] != region[second]
     first, second = first[apart], second[apart]
     if not len(first):
-        return out
+        return list(regions)
+    tops, barrier = np.full(len(peaks), -np.inf), 0.5 * chi2_quantile(1 - NOTABLE, POSE_DOF)
+    Ts, zs = np.ascontiguousarray(peaks.Ts[rows]), np.ascontiguousarray(peaks.zs[rows])
+    tops[rows] = _core.marginals(objective.prepared.shape, objective.core, Ts, zs)[0]
+
+    def limits(pairs: IntArray) -> FloatArray:
+        """Return below which log density a path of some pairs is in a valley."""
+        top = np.full(len(regions), -np.inf)
+        np.maximum.at(top, region, tops)
+        return np.asarray(np.minimum(top[region[first[pairs]]], top[region[second[pairs]]]) - barrier)
+
+    def unite(pairs: IntArray, lowest: FloatArray) -> None:
+        """Unite the regions at the ends of some pairs, by the smallest log density between these."""
+        heights = np.minimum(lowest, np.minimum(tops[first[pairs]], tops[second[pairs]]))
+        for k in np.argsort(-lowest, kind="stable"):
+            a, b = region[first[pairs[k]]], region[second[pairs[k]]]
+            if a != b and heights[k] >= limits(pairs[k : k + 1])[0]:
+                region[region == b] = a
+
     ends = [np.stack([values[first], values[second]], axis=1) for values in (peaks.Ts, peaks.zs)]
-    paths = Paths(sampler.objective, *ends)
-    least = paths.lower_end() - own.barrier
-    straight = paths.halved().halved()
-    joined = straight.lowest() > least
-    out[first[joined], second[joined]] = True
-    if not sampler.fixes_pose:
-        return out
-    masses, _ = sampler.masses()
-    left = np.flatnonzero((np.minimum(masses[first], masses[second]) > mass) & ~joined)
-    left = left[np.argsort(straight.take(left).length(), kind="stable")]
-    while len(left):  # the shortest path of each region first: most pairs are then in one region, and need no path
-        region = _region_numbers(sampler, together | out)
-        left = left[region[first[left]] != region[second[left]]]
-        pairs = np.stack([region[first[left]], region[second[left]]])
-        some = np.zeros(len(left), dtype=bool)
-        for one in np.unique(pairs):
-            some[np.argmax((pairs == one).any(axis=0))] = True
-        bent, left = left[some], left[~some]
-        done = bent[follow(straight.take(bent), least[bent])]
-        out[first[done], second[done]] = True
-    return out
-
-
-def _region_numbers(sampler: Sampler, together: BoolArray) -> IntArray:
-    """Return the number of the region of each maximum ``(m,)``."""
-    region = np.zeros(len(together), dtype=np.int64)
-    for k, group in enumerate(regions_of(sampler, together)):
-        region[group] = k
-    return region
+    straight = Paths(objective, *ends).halved().halved()
+    unite(np.arange(len(first)), straight.lowest())
+    if sampler.fixes_pose:
+        masses, _ = sampler.masses()
+        left = np.flatnonzero(np.minimum(masses[first], masses[second]) > mass)
+        left = left[np.argsort(straight.take(left).length(), kind="stable")]
+        while len(left := left[region[first[left]] != region[second[left]]]):
+            pairs = np.stack([region[first[left]], region[second[left]]])
+            shortest = np.zeros(len(left), dtype=bool)  # of each region: most pairs are then in one, and need no path
+            for one in np.unique(pairs):
+                shortest[np.argmax((pairs == one).any(axis=0))] = True
+            bent, left = left[shortest], left[~shortest]
+            unite(bent, follow(straight.take(bent), limits(bent)))
+    return [np.flatnonzero(region == k) for k in np.unique(region)]
 
 
 def _inside(sampler: Sampler) -> np.ndarray:

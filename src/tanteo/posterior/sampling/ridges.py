@@ -58,10 +58,6 @@ class Paths:
         motions = self._motions(self.Ts[:, :1], self.Ts[:, -1:])[:, 0]
         return np.asarray(np.linalg.norm(motions / _rim(self.objective), axis=1))
 
-    def lower_end(self) -> FloatArray:
-        """Return the log density at the lower end of each path ``(P,)``."""
-        return self._logs(np.arange(0, self.Ts.shape[1], self.Ts.shape[1] - 1)).min(axis=1)
-
     def lowest(self) -> FloatArray:
         """Return the smallest log density at the inner points of each path ``(P,)``."""
         return self._logs(np.arange(1, self.Ts.shape[1] - 1)).min(axis=1)
@@ -70,7 +66,7 @@ class Paths:
         """Return log densities at some points of each path ``(P, len(at))``."""
         Ts = np.ascontiguousarray(self.Ts[:, at].reshape(-1, 4, 4))
         zs = np.ascontiguousarray(self.zs[:, at].reshape(len(Ts), self.zs.shape[2]))  # there may be no states
-        logs = _core.log_densities(self.objective.prepared.shape, self.objective.core, Ts, zs)
+        logs, _ = self._integrated(Ts, zs)
         return np.asarray(logs.reshape(len(self.Ts), len(at)))
 
     def _integrated(self, Ts: Transforms, zs: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -114,22 +110,25 @@ class Paths:
         return SE3.log(SE3.inverse(bases @ middle) @ (Ts @ middle))
 
 
-def follow(paths: Paths, least: FloatArray) -> BoolArray:
-    """Return which of some straight paths lead along a ridge whose log density is nowhere below a limit ``(P,)``.
+def follow(paths: Paths, least: FloatArray) -> FloatArray:
+    """Return the smallest log density along the ridges that some straight paths lead to ``(P,)``.
+
+    It is minus infinity where the ridge falls below a limit.
 
     Args:
         paths: straight paths, of the two ends or with points between.
         least: limit of each path ``(P,)``.
     """
-    out, left = np.zeros(len(least), dtype=np.bool_), np.arange(len(least))
+    out, left = np.full(len(least), -np.inf), np.arange(len(least))
     for _ in range(_REFINEMENTS):
         if not len(left):
             break
         paths = paths.on_ridge()
         high = paths.lowest() > least[left]
         paths, left = paths.take(high).halved(), left[high]
-        done = paths.lowest() > least[left]
-        out[left[done]] = True
+        lowest = paths.lowest()
+        done = lowest > least[left]
+        out[left[done]] = lowest[done]
         paths, left = paths.take(~done), left[~done]
     return out
 
