@@ -110,7 +110,7 @@ KINDS = contact_points, beams, beams_with_a_shared_bias, normals, labelled_point
 
 @pytest.mark.parametrize(
     ("kind", "scenes"),
-    [*((kind, SCENES) for kind in KINDS), (images, 6), pytest.param(images, 12, marks=pytest.mark.slow)],
+    [*((kind, SCENES) for kind in KINDS), *(pytest.param(images, n, marks=pytest.mark.slow) for n in (6, 12))],
 )
 def test_the_region_holds_the_truth(target, kind, scenes):
     values = []

@@ -107,6 +107,7 @@ def test_the_spin_of_a_round_part_stays_no_error(tmp_path):
     np.testing.assert_allclose(middle, SE3.apply(a.T_world_part, pin.centroid), atol=2 * SD)
 
 
+@pytest.mark.slow
 def test_a_plan_for_it_reaches_the_same(bracket, tmp_path):
     far, _ = moved_file(bracket, 55.0, tmp_path)
     probe = Probe("laser", NoiseLaw.of(SD), max_range=0.3, standoff=0.1)

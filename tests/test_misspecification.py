@@ -69,6 +69,7 @@ def test_one_reading_that_is_far_off_makes_no_wrong_answer(parts):
     assert sum(row["among"] for row in rows) >= len(rows) - 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("parts", "most"), [(FEW, 0), pytest.param(PARTS, 1, marks=pytest.mark.slow)])
 def test_an_absent_part_is_seldom_taken_for_another(parts, most):
     rows = scenes(absent, parts=parts)
@@ -81,6 +82,7 @@ def test_readings_on_the_given_table_are_no_outliers():
     assert sum(row["status"] == "recognized" for row in rows) >= 0.7 * len(rows)
 
 
+@pytest.mark.slow
 def test_a_radius_that_was_left_out_is_named():
     rows = scenes(offset, parts=("bracket_left", "housing"))
     assert all("offset" in row["kinds"] for row in rows)

@@ -350,7 +350,8 @@ def test_what_cannot_be_a_reading_changes_nothing(targets):
     assert session.ask() is action
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1, 2])
 def test_any_sequence_of_readings_leaves_a_valid_belief(targets, seed):
     """Contradictory, repeated, late, from nowhere near the part, and on the way free of everything."""
     rng = np.random.default_rng((3, seed))
@@ -448,6 +449,7 @@ def test_places_that_the_tip_hides_are_not_planned_repeatedly(targets):
     assert 4e-4 < session.steps[-1].corner_sd < 8e-4
 
 
+@pytest.mark.slow
 def test_a_hand_that_turns_with_the_approach_finds_its_tip(targets):
     start = at_pose(targets[0], np.eye(4), np.diag([3e-3] * 3 + [0.03] * 3) ** 2)
     sensing = Sensing(sd=2e-5, tip_sd=(5e-4, 5e-4, 2e-4))
@@ -592,7 +594,8 @@ def test_a_moved_part_is_reported(targets):
     assert "Did the part or the sensor move?" in session.answer().message
 
 
-@pytest.mark.parametrize("of_the_object", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("of_the_object", [False, True])
 def test_a_reading_that_does_not_fit_is_made_once_more(targets, of_the_object):
     """Two readings are off: outliers of the sensor the first time only; a part that is only like it is off again."""
     start, rng, wrong = rough(targets), np.random.default_rng(12), []

@@ -223,7 +223,7 @@ def test_an_open_catalogue_stays_as_it_was_while_it_is_replaced(parts, built):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a signal")
-@pytest.mark.parametrize("wait", [0.0, 0.1, *(pytest.param(w, marks=pytest.mark.slow) for w in (0.05, 0.15, 0.4))])
+@pytest.mark.parametrize("wait", [0.0, *(pytest.param(w, marks=pytest.mark.slow) for w in (0.05, 0.1, 0.15, 0.4))])
 def test_a_killed_writer_leaves_the_old_catalogue(parts, built, wait):
     for k in range(30):
         (parts / f"n{k:02d}.off").write_text(TETRAHEDRON.format(10 + k))

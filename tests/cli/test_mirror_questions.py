@@ -58,6 +58,7 @@ def test_programs_get_the_question_too(run, tmp_path):
     assert f"warning: {warning}" in err
 
 
+@pytest.mark.slow
 def test_readings_of_no_part_raise_no_question(run):
     code, out, err = run("identify", EXAMPLES / "readings/unknown_part.csv", "--parts", PART, "--json")
     assert (code, json.loads(out)["status"]) == (3, "unknown")

@@ -45,6 +45,7 @@ def test_an_edge_in_json_and_its_record(capsys, tmp_path):
     assert np.linalg.eigvalsh(matrix).min() > -1e-12
 
 
+@pytest.mark.slow
 def test_seed_and_standoff(capsys):
     options = ((), ("--seed", "1", "--standoff", "20mm"), ("--seed", "2"))
     outs = [run(capsys, "plane", "--scene", SCENE, *more)[1] for more in options]

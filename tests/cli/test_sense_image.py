@@ -94,6 +94,7 @@ def feature(run):
     return lambda kind, *options: run("sense", kind, "--scene", str(SCENE), *options, "--standoff", "20mm")
 
 
+@pytest.mark.slow
 def test_a_face_is_gone_to_where_the_image_puts_it(feature):
     """The hand starts out of range of everything; the sensed place agrees with the image, within both spreads."""
     code, out, err = feature("plane", *PARTS, "--image", "render", "--json")

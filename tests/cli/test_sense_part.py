@@ -77,6 +77,7 @@ def test_what_is_not_reached_exits_with_three(sense):
     assert "The limit of readings is reached: 1 was allowed" in out
 
 
+@pytest.mark.slow
 def test_the_prior_can_be_stated(sense, tmp_path):
     record = tmp_path / "session.json"
     document = json.loads(

@@ -86,6 +86,7 @@ def test_three_views_of_a_hand_camera_place_a_part(run, cell):
     assert (folder / "seen.png").exists()
 
 
+@pytest.mark.slow
 def test_views_and_touches_are_one_posterior(run, cell):
     folder, _, T = cell
     shown = [word for k in range(2) for word in ("--image", folder / f"{k}.png")]

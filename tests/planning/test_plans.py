@@ -189,6 +189,7 @@ def test_the_largest_shared_error_is_what_limits_a_plan(bracket):
     assert above.readings == ()
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_off_is_what_limits_the_plan(bracket):
     off = replace(TOUCH, base_sds=(1e-3, 1e-3))
     found = plan(at_pose(bracket, np.eye(4), C), off, 0.5e-3)
@@ -218,6 +219,7 @@ def disc(tmp_path_factory):
     return target
 
 
+@pytest.mark.slow
 def test_the_spin_of_a_round_part_needs_no_reading(disc):
     found = plan(at_pose(disc, np.eye(4), C), TOUCH, 1.5e-3)
     assert found.reached
@@ -413,7 +415,8 @@ def test_a_wide_cone_misses_more_than_its_axis_does(bracket):
     assert wide.all_meet < thin.all_meet - 0.1
 
 
-@pytest.mark.parametrize("placements", [20, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("placements", [20, 40])
 def test_a_plan_counts_the_errors_that_locate_assumes(placements):
     pytest.importorskip("OCP", reason="reading STEP needs tanteo[step]")
     block = prepare(read_part(PARTS / "block.step"))

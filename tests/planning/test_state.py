@@ -80,7 +80,8 @@ def test_masses_are_those_of_plain_importance_sampling(targets, n, unknown):
     np.testing.assert_allclose([*state.of_parts(), state.unknown], expected, atol=0.04)
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [1, 3])
 def test_precise_readings_of_prior_not_rule_out_what_they_are_of(targets, seeds):
     """A sheet 8 um thin in a place of 15 mm: samples off it had no information, and the unknown object got it all."""
     start, log, unknown = rough(targets, (0.015, 0.15)), [], []

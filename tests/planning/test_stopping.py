@@ -145,6 +145,7 @@ def test_the_pose_of_a_casting_divides_its_planes():
     assert session.state.touches.shared_jacobian.shape[2] >= divided - 1
 
 
+@pytest.mark.slow
 def test_assumed_errors_take_from_the_goal():
     """Without a stated scale error, drift and warp the same readings give less, by the covariance of the answer."""
     target, goal = prepare(read_part(PARTS / "wedge.step")), 3e-4
@@ -174,6 +175,7 @@ def test_sessions_keep_what_they_promise(form_sd, sd, goal):
     assert binom.cdf(within, len(stated), np.mean(stated)) > 0.005
 
 
+@pytest.mark.slow
 def test_a_session_ends_by_many_samples_of_its_posterior():
     """The probability at the end is that of the confirmed posterior, which is also the one of the answer."""
     target, goal = prepare(read_part(PARTS / "wedge.step")), 3e-4

@@ -77,6 +77,7 @@ def test_stock_that_is_not_stated_is_named_by_face(block):
     assert "--stock" in found.message
 
 
+@pytest.mark.slow
 def test_a_bent_part_carries_no_stock(block):
     rng = np.random.default_rng(3)
     p, d = beams(block, 30, rng, tilt=0.0)

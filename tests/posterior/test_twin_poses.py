@@ -46,6 +46,7 @@ def test_a_mirror_image_of_a_corner_is_not_lost(parts, k):
     assert answer.status != "recognized" or answer.best.part == own.part.name
 
 
+@pytest.mark.slow
 def test_seeds_agree_on_the_corner_of_a_mirrored_part(parts):
     _, points = corner_touches(parts[0], np.random.default_rng(3))
     shares = [dict(identified(points, parts[:2], seed=seed).parts) for seed in range(3)]

@@ -126,7 +126,12 @@ def test_short_arcs_are_refused_with_the_reason():
 
 
 @pytest.mark.parametrize(
-    ("tilts", "degrees"), [pytest.param((0, 0.15), 360, marks=pytest.mark.slow), ((0.2, 1.2), 360), ((0.3, 0.8), 150)]
+    ("tilts", "degrees"),
+    [
+        pytest.param((0, 0.15), 360, marks=pytest.mark.slow),
+        ((0.2, 1.2), 360),
+        pytest.param((0.3, 0.8), 150, marks=pytest.mark.slow),
+    ],
 )
 def test_circles_and_rays_follow_their_stated_errors(tilts, degrees):
     rng, circles, rays = np.random.default_rng((2, degrees, int(100 * tilts[1]))), [], []

@@ -23,6 +23,7 @@ def simulated():
     return constraint_nees(TRIALS, 5)
 
 
+@pytest.mark.slow
 def test_round_constraints_follow_their_covariance(simulated):
     found, dof = simulated
     assert {kind for kind, _ in found} >= {

@@ -57,6 +57,7 @@ def test_a_slot_is_no_bore():
     assert got.feature is None
 
 
+@pytest.mark.slow
 def test_a_bore_of_another_size_is_another_bore():
     task = round_task(np.random.default_rng(3), radius=0.015, standoff=0.02, wrong=NEAR)
     task = replace(task, guess=replace(task.guess, radius=0.011, radius_share=0.04))

@@ -37,6 +37,7 @@ def test_the_part_is_named_and_placed_without_contact(targets, number):
     assert all(v.step.action is v.action for v in seen if v.step is not None)  # the hand is not quite where it was sent
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_run(targets):
     ends = []
     for _ in range(2):

@@ -129,6 +129,7 @@ def test_a_click_does_not_meet_what_is_hidden(targets):
     assert session.steps[0].action.part == "bracket_left"
 
 
+@pytest.mark.slow
 def test_in_a_contest_the_places_are_the_persons(targets, went):
     """The planner plays the same scene with the same errors; nothing of it is shown but how sure it is."""
     arrows = []

@@ -112,7 +112,9 @@ def aimed_log(rng, T_hand_beam, scale, count, aim_sd):
     return Readings.from_columns(ranges=ranges, sensors=["eye"] * count, Ts_world_hand=np.array(hands))
 
 
-@pytest.mark.parametrize("text", ["point 400,200,50mm +- 0.01mm 0.2mm", "point +- 0.2mm"])
+@pytest.mark.parametrize(
+    "text", [pytest.param("point 400,200,50mm +- 0.01mm 0.2mm", marks=pytest.mark.slow), "point +- 0.2mm"]
+)
 def test_a_divot_determines_the_six_unknowns_of_a_ranger(rig, text):
     values = []
     for seed in range(8):

@@ -194,6 +194,7 @@ def test_an_unknown_plane_is_named():
         plane_angle(found, "floor", found, "wall")
 
 
+@pytest.mark.slow
 def test_two_planes_taken_for_one_are_not_calibrated_with():
     """A third of the places would be excluded, and the beam of the rest would be arbitrary."""
     rng, logs = np.random.default_rng(3), []
@@ -217,6 +218,7 @@ def test_a_beam_off_its_pose_in_the_rig_is_reported():
     assert isinstance(found.findings[-1], OffRig)
 
 
+@pytest.mark.slow
 def test_places_that_scatter_more_than_readings_are_reported():
     rng = np.random.default_rng(5)
     hands = random_hands(rng, 40, PLANE, T, tilt=0.6)
