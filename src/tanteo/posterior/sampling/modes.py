@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo import _core
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.special import chi2_quantile
@@ -16,7 +15,7 @@ from tanteo.posterior.answers.pose_prior import in_box
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.sampling.control_variate import ControlVariate
 from tanteo.posterior.sampling.peaks import Objective
-from tanteo.posterior.sampling.ridges import Paths, follow
+from tanteo.posterior.sampling.ridges import VALLEY, Paths, follow, log_tops
 from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.posterior.sampling.widths import roots
 from tanteo.posterior.settings import POSE_DOF
@@ -158,15 +157,14 @@ def _without_valleys(sampler: Sampler, rows: IntArray, regions: Sequence[IntArra
     first, second = first[apart], second[apart]
     if not len(first):
         return list(regions)
-    tops, barrier = np.full(len(peaks), -np.inf), 0.5 * chi2_quantile(1 - NOTABLE, POSE_DOF)
-    Ts, zs = np.ascontiguousarray(peaks.Ts[rows]), np.ascontiguousarray(peaks.zs[rows])
-    tops[rows] = _core.marginals(objective.prepared.shape, objective.core, Ts, zs)[0]
+    tops = np.full(len(peaks), -np.inf)
+    tops[rows] = log_tops(objective, peaks.take(rows))
 
     def limits(pairs: IntArray) -> FloatArray:
         """Return below which log density a path of some pairs is in a valley."""
         top = np.full(len(regions), -np.inf)
         np.maximum.at(top, region, tops)
-        return np.asarray(np.minimum(top[region[first[pairs]]], top[region[second[pairs]]]) - barrier)
+        return np.asarray(np.minimum(top[region[first[pairs]]], top[region[second[pairs]]]) - VALLEY)
 
     def unite(pairs: IntArray, lowest: FloatArray) -> None:
         """Unite the regions at the ends of some pairs, by the smallest log density between these."""

@@ -13,9 +13,14 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.geometry import SE3
+from tanteo.geometry.limits import NOTABLE
+from tanteo.geometry.special import chi2_quantile
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.posterior.sampling.peaks import Objective, Peaks
 from tanteo.posterior.settings import POSE_DOF
+
+VALLEY = 0.5 * chi2_quantile(1 - NOTABLE, POSE_DOF)
+"""Definition: fall of the log density from a maximum to the border of its 95 % region if it were normal [nats]."""
 
 _REFINEMENTS = 3
 """Numerical: number of times that the steps of a path are halved; a bend then falls the density by 4^6 times less."""
@@ -110,6 +115,12 @@ class Paths:
         return SE3.log(SE3.inverse(bases @ middle) @ (Ts @ middle))
 
 
+def log_tops(objective: Objective, peaks: Peaks) -> FloatArray:
+    """Return the log densities of maxima, integrated over the other states as those of paths are ``(m,)``."""
+    shape, Ts, zs = objective.prepared.shape, np.ascontiguousarray(peaks.Ts), np.ascontiguousarray(peaks.zs)
+    return _core.marginals(shape, objective.core, Ts, zs)[0]
+
+
 def follow(paths: Paths, least: FloatArray) -> FloatArray:
     """Return the smallest log density along the ridges that some straight paths lead to ``(P,)``.
 
@@ -151,7 +162,8 @@ def regions_of_maxima(objective: Objective, peaks: Peaks) -> list[IntArray]:
         nearest = np.array([int(np.argmin(gaps[:k, k])) for k in range(1, len(peaks))])
         ends = [np.stack([values[nearest], values[1:]], axis=1) for values in (peaks.Ts, peaks.zs)]
         paths = Paths(objective, *ends)
-        least = np.minimum(peaks.logs[nearest], peaks.logs[1:]) - objective.problem.settings.samples.barrier
+        tops = log_tops(objective, peaks)
+        least = np.minimum(tops[nearest], tops[1:]) - VALLEY
         joined = paths.halved().halved().lowest() > least
         for k in np.flatnonzero(joined):
             number[k + 1] = number[nearest[k]]
