@@ -20,6 +20,8 @@ from tanteo.vision.camera import Mounting
 from tanteo.vision.image_edges import sums_of
 from tanteo.vision.models import spread
 from tanteo.vision.rendering import Stage, render, rendered_part
+from tanteo.vision.sight import see_shots, shot_of
+from tanteo.vision.table import TableErrors
 from vision_scenes import PARTS, hand_views
 
 
@@ -179,3 +181,19 @@ def test_several_views_need_the_poses_of_cameras(floating):
     nowhere = replace(views[0].camera, T_world_camera=None)
     with pytest.raises(InputError, match="pose of each camera"):
         see(views[0].pixels, nowhere, [part], others=views[1:])
+
+
+def test_a_further_view_keeps_earlier_proposals(scene):
+    parts, _, views, _ = scene
+    table, T_world_table = TableErrors(), np.eye(4)
+    first, second = (shot_of(view, parts, T_world_table, table) for view in views)
+    see_shots([first], parts, T_world_table=T_world_table, table=table)
+    kept = dict(first.proposed)
+    sight = see_shots([first, second], parts, T_world_table=T_world_table, table=table)
+    assert len(kept) > 0
+    assert {key: id(one) for key, one in first.proposed.items()} == {key: id(one) for key, one in kept.items()}
+    anew = see_table(views[0].pixels, views[0].camera, parts, others=views[1:])
+    assert [len(one.answer.hypotheses) for one in sight.objects] == [len(one.answer.hypotheses) for one in anew.objects]
+    for one, other in zip(sight.objects, anew.objects, strict=True):
+        for own, same in zip(one.answer.hypotheses, other.answer.hypotheses, strict=True):
+            assert (own.part, own.probability) == (same.part, same.probability)

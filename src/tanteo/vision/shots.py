@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Sequence
+from dataclasses import astuple, dataclass, field
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms
 from tanteo.posterior import DEFAULTS
 from tanteo.vision.camera import Camera, on_plane, opencv
-from tanteo.vision.candidates import candidates_in
+from tanteo.vision.candidates import PoseCandidates, candidates_in
 from tanteo.vision.edges import EdgeMap, EdgePoints
 from tanteo.vision.image_edges import ImageEdges, Weights, standing
 from tanteo.vision.models import VisionModel
@@ -32,6 +32,7 @@ class Shot:
         chance: probability of a random edge like each ``(n,)``.
         regions: regions of objects, largest first.
         costs: costs of edge samples, of :func:`tanteo.vision.propose.edge_costs`.
+        proposed: edges and poses of each region with each list of parts, as far as they are computed.
     """
 
     camera: Camera
@@ -42,6 +43,7 @@ class Shot:
     chance: FloatArray
     regions: tuple[Region, ...]
     costs: np.ndarray
+    proposed: dict[Hashable, tuple[ImageEdges, list[PoseCandidates]]] = field(default_factory=dict)
 
 
 def same_objects(shots: Sequence[Shot]) -> list[tuple[Region | None, ...]]:
@@ -114,7 +116,11 @@ def image_candidates(
     for shot, region in zip(shots, regions, strict=True):
         image = ImageEdges(shot.camera, shot.edges, shot.chance, weights=weights or Weights())
         if region is not None:
-            image, found = candidates_in(models, image, shot.T_camera_table, region, shot.costs, shot.errors, ways)
+            key = id(region), astuple(image.weights), tuple(map(id, models)), tuple(own.tobytes() for own in ways)
+            if key not in shot.proposed:
+                place = shot.T_camera_table, region, shot.costs, shot.errors
+                shot.proposed[key] = candidates_in(models, image, *place, ways)
+            image, found = shot.proposed[key]
             for one in found:
                 prior = np.log([one.model.rests[k].probability for k in one.rests])
                 proposed.setdefault(id(one.model), []).append((standing(shot.camera) @ one.T_camera_part, prior))

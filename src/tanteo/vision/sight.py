@@ -167,12 +167,36 @@ def see_table(
         InputError: there are no parts, the image has another size, or the pose of the camera is unknown or impossible.
         MissingExtraError: OpenCV is not installed.
     """
-    parts = check_sight(image, camera, parts)
-    start = time.perf_counter()
-    T_world_table = np.eye(4) if T_world_table is None else T_world_table
-    weights = weights or Weights()
-    table = table or TableErrors()
+    parts, begun = check_sight(image, camera, parts), time.perf_counter()
+    T_world_table, table = np.eye(4) if T_world_table is None else T_world_table, table or TableErrors()
     shots = [shot_of(view, parts, T_world_table, table) for view in (View(image, camera, ignore=ignore), *others)]
+    return see_shots(shots, parts, T_world_table=T_world_table, table=table, weights=weights, top=top, begun=begun)
+
+
+def see_shots(
+    shots: Sequence[Shot],
+    parts: Sequence[Part] | Sequence[VisionModel],
+    *,
+    T_world_table: Transforms,
+    table: TableErrors,
+    weights: Weights | None = None,
+    top: int = TOP,
+    begun: float | None = None,
+) -> Sight:
+    """Recognize the objects on a table in evaluated images, as :func:`see_table` does.
+
+    Poses that an image proposes stay with its shot: a further image does not propose those of earlier ones again.
+
+    Args:
+        shots: evaluated images of one table, of :func:`shot_of`.
+        parts: candidates.
+        T_world_table: frame whose plane z = 0 is the table.
+        table: errors of the table.
+        weights: weights of the evidence.
+        top: number of hypotheses for each object.
+        begun: time from which the duration counts (``time.perf_counter``); now if not given.
+    """
+    start, camera, weights = begun or time.perf_counter(), shots[0].camera, weights or Weights()
     objects: list[Sighting] = []
     for regions in same_objects(shots):
         if _explained(objects, regions[0], camera, shots[0]):

@@ -16,6 +16,31 @@ constexpr size_t MOST_VIEWS = 4096;
 
 constexpr int MOST_COLUMNS = 21;
 
+// Slope of a sum over the states of one image, which are few of all.
+struct OwnSlope {
+    double gradient[MOST_COLUMNS] = {}, information[MOST_COLUMNS * MOST_COLUMNS] = {};
+
+    void add(double pull, double weight, const double* row, int count) {
+        for (int a = 0; a < count; ++a) {
+            gradient[a] += pull * row[a];
+            const double scaled = weight * row[a];
+            for (int b = 0; b <= a; ++b) information[a * MOST_COLUMNS + b] += scaled * row[b];
+        }
+    }
+    void add(double factor, const OwnSlope& other) {
+        for (int a = 0; a < MOST_COLUMNS; ++a) gradient[a] += factor * other.gradient[a];
+        for (int k = 0; k < MOST_COLUMNS * MOST_COLUMNS; ++k) information[k] += factor * other.information[k];
+    }
+    void add_to(const Slope& slope, const int* columns, int count) const {
+        for (int a = 0; a < count; ++a) {
+            slope.gradient[columns[a]] += gradient[a];
+            for (int b = 0; b <= a; ++b)
+                slope.information[std::max(columns[a], columns[b]) * slope.size + std::min(columns[a], columns[b])] +=
+                    information[a * MOST_COLUMNS + b];
+        }
+    }
+};
+
 double normal_density(double d, double sd) { return std::exp(-0.5 * d * d / (sd * sd)) / (std::sqrt(2 * PI) * sd); }
 
 }  // namespace
@@ -170,6 +195,7 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
         if (is_own[k]) length[matched[k].edge] += matched[k].at.span;
 
     Sums sums;
+    OwnSlope found;
     const double spread = 1 / (rules.spread * rules.spread), wide = 1 / (rules.displaced_sd * rules.displaced_sd);
     for (size_t k = 0; k < matched.size(); ++k) {
         if (!is_own[k]) continue;
@@ -185,11 +211,12 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
         sums.matched += 1;
         if (!slope) continue;
         const double information = rules.hits * weight * (near * spread + far * wide) / total;
-        slope->add(-information * d, information, matched[k].row.data(), columns, 6 + states);
+        found.add(-information * d, information, matched[k].row.data(), 6 + states);
     }
     for (int e = 0; e < part->edges; ++e)
         if (missed[e] > 0) sums.misses += missed_log[e] / rules.stretch / (1 + missed[e] / rules.whole);
     if (rules.astray > 0) locate(all, ambiguous_places(everywhere, rules.beside, rules.along), sums, slope, columns, 6 + states);
+    if (slope) found.add_to(*slope, columns, 6 + states);
     sums.there = rules.hits * sums.hits + rules.misses * sums.misses;
     sums.log = sums.there + sums.located - level_at(state.pose, sums.astray);
     return sums;
@@ -202,13 +229,10 @@ void ImageEdges::locate(const std::vector<Sample>& all, const std::vector<char>&
                         const int* columns, int count) const {
     struct Case {
         double more, log, chi2 = 0, draws = 0;  // more: variance of the common error beyond the stated one [px^2]
-        std::vector<double> gradient, information;
+        OwnSlope slope = {};
     };
-    const size_t n = slope ? slope->size : 0;
-    const auto empty = [&](double more, double share) {
-        return Case{more, std::log(share), 0, 0, std::vector<double>(n), std::vector<double>(n * n)};
-    };
-    Case cases[] = {empty(0, 1 - rules.inexact), empty(0.25 * rules.displaced_sd * rules.displaced_sd, rules.inexact)};
+    Case cases[] = {{0, std::log(1 - rules.inexact)},
+                    {0.25 * rules.displaced_sd * rules.displaced_sd, std::log(rules.inexact)}};
     std::vector<std::vector<const Sample*>> edges(part->edges);
     std::vector<char> visible(part->edges);
     for (size_t k = 0; k < all.size(); ++k) {
@@ -222,22 +246,27 @@ void ImageEdges::locate(const std::vector<Sample>& all, const std::vector<char>&
         sums.astray += std::log(rules.astray);
         std::sort(own.begin(), own.end(), [](const Sample* a, const Sample* b) { return a->offset < b->offset; });
         const double median = own.empty() ? 0 : 0.5 * (own[(own.size() - 1) / 2]->offset + own[own.size() / 2]->offset);
-        double stated = 1;
+        double square = 0, draws = 0, stated = 1;
+        std::vector<double> weights;
+        OwnSlope independent;  // without the common error; the same in both cases
+        for (const Sample*& one : own) {
+            const double sd = image->sds[one->at.point], b0 = image->commons[one->at.point], d = one->offset;
+            const bool with_the_rest = std::fabs(d - median) < 4 * std::sqrt(sd * sd + b0 * b0 + rules.spread * rules.spread);
+            const double share = with_the_rest ? std::min(one->at.span / rules.correlation, 1.0) : 0.0;
+            const double w = share / (sd * sd);
+            weights.push_back(w);
+            square += w * d * d;
+            draws += share;
+            if (slope) independent.add(-w * d, w, one->row.data(), count);
+        }
         for (Case& one_case : cases) {
-            double square = 0, along = 0, total = 1, draws = 0;
+            double along = 0, total = 1;
             std::array<double, MOST_COLUMNS> common{};
-            std::vector<double> weights;
-            for (const Sample*& one : own) {
-                const double sd = image->sds[one->at.point], b0 = image->commons[one->at.point], d = one->offset;
-                const bool with_the_rest = std::fabs(d - median) < 4 * std::sqrt(sd * sd + b0 * b0 + rules.spread * rules.spread);
-                const double share = with_the_rest ? std::min(one->at.span / rules.correlation, 1.0) : 0.0;
-                const double w = share / (sd * sd), b = std::sqrt(b0 * b0 + one_case.more);
-                weights.push_back(w);
-                square += w * d * d;
-                along += w * b * d;
+            for (size_t k = 0; k < own.size(); ++k) {
+                const double b0 = image->commons[own[k]->at.point], b = std::sqrt(b0 * b0 + one_case.more), w = weights[k];
+                along += w * b * own[k]->offset;
                 total += w * b * b;
-                draws += share;
-                for (int c = 0; slope && c < count; ++c) common[c] += w * b * one->row[c];
+                for (int c = 0; slope && c < count; ++c) common[c] += w * b * own[k]->row[c];
             }
             if (&one_case == cases) stated = total;
             const double chi2 = square - along * along / total;
@@ -247,24 +276,21 @@ void ImageEdges::locate(const std::vector<Sample>& all, const std::vector<char>&
             one_case.chi2 += probability * chi2;
             one_case.draws += probability * draws;
             if (!slope) continue;
-            const Slope own_slope{slope->centre, slope->size, one_case.gradient.data(), one_case.information.data()};
-            for (size_t k = 0; k < own.size(); ++k) {
-                const double w = probability * weights[k];
-                own_slope.add(-w * own[k]->offset, w, own[k]->row.data(), columns, count);
-            }
-            own_slope.add(probability * along / total, -probability / total, common.data(), columns, count);
+            one_case.slope.add(probability, independent);
+            one_case.slope.add(probability * along / total, -probability / total, common.data(), count);
         }
     }
     const double most = std::max(cases[0].log, cases[1].log), least = std::min(cases[0].log, cases[1].log);
     const double located = most + std::log1p(std::exp(least - most));
     sums.located += located;
+    OwnSlope own_slope;
     for (const Case& one : cases) {
         const double probability = std::exp(one.log - located);
         sums.chi2 += probability * one.chi2;
         sums.draws += probability * one.draws;
-        for (size_t k = 0; k < n; ++k) slope->gradient[k] += probability * one.gradient[k];
-        for (size_t k = 0; k < n * n; ++k) slope->information[k] += probability * one.information[k];
+        if (slope) own_slope.add(probability, one.slope);
     }
+    if (slope) own_slope.add_to(*slope, columns, count);
 }
 
 }  // namespace tanteo

@@ -14,13 +14,15 @@ from tanteo.hand.simulator import SimulatedHand
 from tanteo.io.documents.scene_file import SceneFile
 from tanteo.io.poses.camera_file import read_camera
 from tanteo.io.scenes.view import furniture_pixels, rendered, top_of_table
-from tanteo.parts import Part
 from tanteo.planning.execution import HYPOTHESES, part_seen, seen_start
 from tanteo.planning.execution.camera_views import Eye
 from tanteo.planning.start import Start
 from tanteo.posterior import PreparedPart
-from tanteo.vision import View, see_table
+from tanteo.vision import View
 from tanteo.vision.camera import Mounting
+from tanteo.vision.shots import Shot
+from tanteo.vision.sight import see_shots, shot_of
+from tanteo.vision.table import TableErrors
 
 
 class HandCamera:
@@ -52,6 +54,7 @@ class HandCamera:
         self._T_true = mounting.T_hand_camera @ SE3.exp(sds * rng.normal(size=6))
         self._eye = Eye(read_camera(scene.wrist.file), mounting, _errors(scene))
         self.views: list[View] = []
+        self._shots: list[Shot] = []
 
     @property
     def eye(self) -> Eye:
@@ -64,12 +67,9 @@ class HandCamera:
         pixels = rendered(self._scene, true, self._T_world_table, len(self.views))
         camera = self._eye.camera_at(self._robot.sensed.T_world_hand)
         self.views.append(View(pixels, camera, ignore=furniture_pixels(self._scene, camera)))
-        first, *others = self.views
-        parts: list[Part] = [target.part for target in self._targets]
-        sight = see_table(
-            first.pixels, first.camera, parts, T_world_table=self._T_world_table, top=HYPOTHESES, ignore=first.ignore,
-            others=others,
-        )  # fmt: skip
+        parts, table = [target.part for target in self._targets], TableErrors()
+        self._shots.append(shot_of(self.views[-1], parts, self._T_world_table, table))
+        sight = see_shots(self._shots, parts, T_world_table=self._T_world_table, table=table, top=HYPOTHESES)
         return seen_start(part_seen(sight, self._prior), self._targets, self._prior)
 
 
