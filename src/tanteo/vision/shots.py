@@ -32,7 +32,7 @@ class Shot:
         chance: probability of a random edge like each ``(n,)``.
         regions: regions of objects, largest first.
         costs: costs of edge samples, of :func:`tanteo.vision.propose.edge_costs`.
-        proposed: edges and poses of each region with each list of parts, as far as they are computed.
+        proposed: edges and poses by region and parts; empty before they are computed.
     """
 
     camera: Camera
