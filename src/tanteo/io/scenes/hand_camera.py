@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,6 @@ from tanteo.planning.start import Start
 from tanteo.posterior import PreparedPart
 from tanteo.vision import View
 from tanteo.vision.camera import Mounting
-from tanteo.vision.shots import Shot
 from tanteo.vision.sight import see_shots, shot_of
 from tanteo.vision.table import TableErrors
 
@@ -54,7 +54,7 @@ class HandCamera:
         self._T_true = mounting.T_hand_camera @ SE3.exp(sds * rng.normal(size=6))
         self._eye = Eye(read_camera(scene.wrist.file), mounting, _errors(scene))
         self.views: list[View] = []
-        self._shots: list[Shot] = []
+        self._shots: list[Any] = []  # of shot_of
 
     @property
     def eye(self) -> Eye:
