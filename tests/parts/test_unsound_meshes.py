@@ -1,5 +1,7 @@
 """Meshes that are open, have three triangles at an edge, or intersect: repaired, or used unchanged."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -48,6 +50,32 @@ def test_a_wall_that_stands_out_stays(solids, read_mesh):
     assert not part.closed
     assert part.box[1, 2] == pytest.approx(0.09)
     assert any("counts on both sides" in sentence for sentence in part.repairs)
+
+
+def test_loose_needles_leave_no_trace(solids, read_mesh):
+    vertices, triangles = solids.box()
+    ends = vertices[0] + np.array([(30, 20, 10), (35, 22, 11), (32.5, 21, 10.5001)])
+    part = read_mesh(np.vstack([vertices, ends]), np.vstack([triangles, [(8, 9, 10)]]))
+    assert any("hang loose" in sentence for sentence in part.repairs)
+    assert len(part.vertices) == 8
+    assert len(part.symmetry.Ts) == 4
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-6, 1e-5])
+def test_a_chain_of_needles_across_a_face_does_not_divide_it(solids, read_mesh, noise):
+    """The diagonal of a face is a chain of points beside it [mm]: needles between both are the link of its halves."""
+    vertices, triangles = solids.box()
+    i, j, o = next(t for t in triangles.tolist() if np.ptp(vertices[t[:2]], axis=0).astype(bool).sum() == 2)
+    chain = np.linspace(vertices[i], vertices[j], 102)[1:-1]
+    chain = chain + noise * np.random.default_rng(0).normal(size=chain.shape)
+    ids = [i, *range(len(vertices), len(vertices) + len(chain)), j]
+    steps = list(itertools.pairwise(ids))
+    needles = [(i, b, a) for a, b in steps[1:]]
+    others = [t for t in triangles.tolist() if t != [i, j, o]]
+    part = read_mesh(np.vstack([vertices, chain]), np.array(others + [(a, b, o) for a, b in steps] + needles))
+    assert part.closed
+    assert (len(part.planes), len(part.edges), len(part.corners)) == (6, 12, 8)
+    assert len(part.symmetry.Ts) == 4
 
 
 @pytest.mark.parametrize("seed", [None, 0, 1])

@@ -116,7 +116,25 @@ def _flat_components(
         if left_over.sum() == waiting.sum():
             break
         waiting = left_over
-    return compacted(labels)[1]
+    return _joined_through(compacted(labels)[1], edges, (areas * ~sliver)[:, None] * normals, sliver & ~bent)
+
+
+def _joined_through(labels: IntArray, edges: MeshEdges, weighted: FloatArray, slivers: BoolArray) -> IntArray:
+    """Unite facets of one plane that only slivers join.
+
+    Args:
+        labels: facet of each triangle ``(T,)``.
+        edges: edges of the mesh.
+        weighted: normals of the triangles times their areas; zero for slivers ``(T, 3)``.
+        slivers: slivers that may join facets ``(T,)``.
+    """
+    count = int(labels.max()) + 1
+    normals = np.stack([np.bincount(labels, weighted[:, k], count) for k in range(3)], axis=1)
+    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    beside = slivers[edges.left] | slivers[edges.right]
+    left, right = labels[edges.left[beside]], labels[edges.right[beside]]
+    flat = angles_between(normals, left, right) < _FLAT_ANGLE
+    return compacted(components(count, left[flat], right[flat])[labels])[1]
 
 
 def _attach(

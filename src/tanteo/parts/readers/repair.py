@@ -102,7 +102,8 @@ def _manifold(points: FloatArray, faces: IntArray, diagonal: float, repairs: lis
         edges = "1 edge" if crowded == 1 else f"{crowded} edges"
         repairs.append(f"Cut the surface at {edges} of three or more triangles; no point moved.")
     faces, dropped = without_loose(points, faces)
-    points, faces, filled = fill_holes(points, faces, diagonal)
+    used, faces = compacted(faces)
+    points, faces, filled = fill_holes(points[used], faces, diagonal)
     repairs += dropped + filled
     if turned:
         repairs.append("Made the winding of the triangles consistent.")
