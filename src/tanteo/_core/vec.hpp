@@ -161,10 +161,12 @@ inline Mat3 not_negative(Mat3 A) {
 // Cholesky factor in place of a symmetric positive definite A (row-major n x n, lower triangle); false if it is not. Then
 // solve_cholesky replaces b by the solution of A x = b.
 inline bool cholesky(double* A, int n) {
-    for (int i = 0; i < n; ++i)
-        for (int j = 0; j <= i; ++j) {
+    for (int i = 0; i < n; ++i) {
+        int first = 0;  // entries before the first one of a row stay zero
+        while (first < i && A[i * n + first] == 0) ++first;
+        for (int j = first; j <= i; ++j) {
             double s = A[i * n + j];
-            for (int k = 0; k < j; ++k) s -= A[i * n + k] * A[j * n + k];
+            for (int k = first; k < j; ++k) s -= A[i * n + k] * A[j * n + k];
             if (i == j) {
                 if (!(s > 0)) return false;
                 A[i * n + i] = std::sqrt(s);
@@ -172,6 +174,7 @@ inline bool cholesky(double* A, int n) {
                 A[i * n + j] = s / A[j * n + j];
             }
         }
+    }
     return true;
 }
 inline void solve_cholesky(const double* L, int n, double* b) {

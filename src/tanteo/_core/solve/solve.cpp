@@ -190,17 +190,35 @@ static double determined_by_points(const Likelihood& likelihood, const std::vect
                              const Problem& problem) {
     if (!(problem.scale_sd > 0) || likelihood.blur > 0) return 0;
     const int K = problem.size(), P = K - 1;
-    std::vector<double> L(static_cast<size_t>(P) * P), column(P);
+    // The pose is last: most shared errors belong to one device, so that the rows before it have few entries.
+    std::vector<double> L(static_cast<size_t>(P) * P), row(P);
+    std::vector<std::pair<int, int>> filled;  // entries of the information of the points, and where they are
+    std::vector<double> entries;
     for (int i = 0; i < P; ++i) {
-        for (int j = 0; j <= i; ++j) L[i * P + j] = information[i * K + j];
-        L[i * P + i] += weak_prior(i, shape) + 1e-12 * L[i * P + i];
+        const int a = (i + 6) % P;
+        for (int j = 0; j <= i; ++j) {
+            const int b = (j + 6) % P, at = std::max(a, b) * K + std::min(a, b);
+            L[i * P + j] = information[at] + (i == j ? weak_prior(a, shape) + 1e-12 * information[at] : 0);
+            if (likelihood.of_points[at] == 0) continue;
+            filled.emplace_back(i, j);
+            entries.push_back((i == j ? 1 : 2) * likelihood.of_points[at]);
+        }
     }
     if (!cholesky(L.data(), P)) return 0;
+    // trace of the inverse of L L' times that information: the sum of l' M l over the rows l of the inverse of L
     double determined = 0;
-    for (int j = 0; j < P; ++j) {
-        for (int i = 0; i < P; ++i) column[i] = likelihood.of_points[i >= j ? i * K + j : j * K + i];
-        solve_cholesky(L.data(), P, column.data());
-        determined += column[j];
+    for (int k = 0; k < P; ++k) {
+        std::fill_n(row.begin(), k, 0.0);
+        row[k] = 1;
+        for (int i = 0; i < k; ++i) {
+            const double* const before = &L[i * P];
+            const double factor = L[k * P + i];
+            for (int j = 0; j <= i && factor != 0; ++j) row[j] -= factor * before[j];
+        }
+        const double per = 1 / L[k * P + k];
+        for (int j = 0; j <= k; ++j) L[k * P + j] = per * row[j];
+        for (size_t n = 0; n < filled.size() && filled[n].first <= k; ++n)
+            determined += entries[n] * L[k * P + filled[n].first] * L[k * P + filled[n].second];
     }
     return std::min(std::max(determined, 0.0), static_cast<double>(P));
 }
