@@ -157,6 +157,10 @@ def _maximized(
     return evaluate(frames)[2], frames
 
 
+_MOST_COMPARED = 200
+"""Numerical: readings up to which all pairs are compared; more decide whatever an unknown object is like."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedPlanes:
     """Readings that share planes at a pose of a part.
@@ -197,7 +201,7 @@ def shared_planes(
     """
     free, out = np.flatnonzero(_without_plane(problem)), list[SharedPlanes]()
     flat = np.array([face.surface == "plane" for face in part.faces], dtype=np.bool_)
-    if len(free) < 2:
+    if not 2 <= len(free) <= _MOST_COMPARED:
         return out
     for s, T in enumerate(Ts):
         own = _Box.of(at, s, problem, free, flat, _SAME * part.diagonal, T)
@@ -269,7 +273,8 @@ class _Box:
         counts = together.sum(axis=1)
         if counts.max() < 2:
             return None
-        axes = _axes(n[plane], counts[plane])
+        first = np.unique(together.argmax(axis=1)[plane])
+        axes = _axes(n[first], counts[first])
         points, per_sd = points - points.mean(axis=0), at.per_sd[s, rows]
         along, slack = points @ axes, 4 / per_sd
         ends = np.zeros(len(rows), dtype=np.int64)
@@ -432,15 +437,15 @@ def _axes(normals: Vectors, counts: IntArray) -> Rotations:
     """Return three perpendicular axes, as columns, that most readings on planes agree with ``(3, 3)``.
 
     Args:
-        normals: normals of the planes of the readings ``(n, 3)``.
-        counts: number of readings in the same plane ``(n,)``.
+        normals: normals of the planes ``(K, 3)``.
+        counts: number of readings in each ``(K,)``.
     """
     x = normals[np.argmax(counts)]
     cosines = np.abs(normals @ normals.T)
     best, most = SO3.frame_from_axis(x, 2), -1
     for a, b in np.argwhere(np.triu(cosines < _ALIGNED)):
         frame = np.stack([normals[a], normals[b], np.cross(normals[a], normals[b])], axis=1)
-        agree = int(np.sum(np.abs(normals @ frame).max(axis=1) > 1 - _ALIGNED**2 / 2))
+        agree = int(counts @ (np.abs(normals @ frame).max(axis=1) > 1 - _ALIGNED**2 / 2))
         if agree > most:
             best, most = frame, agree
     return np.asarray(best)
