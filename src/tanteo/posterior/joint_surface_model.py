@@ -157,10 +157,6 @@ def _maximized(
     return evaluate(frames)[2], frames
 
 
-_MOST_COMPARED = 200
-"""Numerical: readings up to which all pairs are compared; more decide whatever an unknown object is like."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedPlanes:
     """Readings that share planes at a pose of a part.
@@ -201,7 +197,7 @@ def shared_planes(
     """
     free, out = np.flatnonzero(_without_plane(problem)), list[SharedPlanes]()
     flat = np.array([face.surface == "plane" for face in part.faces], dtype=np.bool_)
-    if not 2 <= len(free) <= _MOST_COMPARED:
+    if len(free) < 2:
         return out
     for s, T in enumerate(Ts):
         own = _Box.of(at, s, problem, free, flat, _SAME * part.diagonal, T)
@@ -440,12 +436,13 @@ def _axes(normals: Vectors, counts: IntArray) -> Rotations:
         normals: normals of the planes ``(K, 3)``.
         counts: number of readings in each ``(K,)``.
     """
-    x = normals[np.argmax(counts)]
     cosines = np.abs(normals @ normals.T)
-    best, most = SO3.frame_from_axis(x, 2), -1
+    rows, direction = np.unique((cosines > 1 - _ALIGNED**2 / 2).argmax(axis=1), return_inverse=True)
+    normals, counts, cosines = normals[rows], np.bincount(direction, counts), cosines[np.ix_(rows, rows)]
+    best, most = SO3.frame_from_axis(normals[np.argmax(counts)], 2), -1.0
     for a, b in np.argwhere(np.triu(cosines < _ALIGNED)):
         frame = np.stack([normals[a], normals[b], np.cross(normals[a], normals[b])], axis=1)
-        agree = int(counts @ (np.abs(normals @ frame).max(axis=1) > 1 - _ALIGNED**2 / 2))
+        agree = float(counts @ (np.abs(normals @ frame).max(axis=1) > 1 - _ALIGNED**2 / 2))
         if agree > most:
             best, most = frame, agree
     return np.asarray(best)

@@ -66,7 +66,9 @@ class Mode:
 
 
 def modes_of(sampler: Sampler, least: float = -np.inf) -> list[Mode]:
-    """Return the modes of one part; maxima that share samples or lie in each other's region are one mode.
+    """Return the modes of one part; maxima that a path without a valley joins are one mode.
+
+    Where the measurements are too few for a pose, so are maxima that share samples or lie in each other's region.
 
     Args:
         sampler: samples of the part.
@@ -137,7 +139,7 @@ def _without_valleys(sampler: Sampler, rows: IntArray, regions: Sequence[IntArra
     """Return the regions of the maxima of a part, those united that a path joins without a valley.
 
     A valley is outside of the 95 % region of the lower maximum if that were normal. Highest paths unite first, so a
-    maximum beside a pass belongs to one side, and is no stone across (persistence of maxima: Chazal, Guibas, Oudot and
+    maximum beside a pass is part of one side and does not unite both (persistence of maxima: Chazal, Guibas, Oudot and
     Skraba 2013). A round face of facets has a maximum on each facet, but turns about it are one region. If there are
     enough measurements for a pose, the paths between probable maxima follow ridges that are bent; samples in common do
     not unite maxima there, since their components are wide.
