@@ -46,6 +46,19 @@ _ATTITUDES = 8 * np.pi**2 / 24
 _SCALES = np.linspace(-4.0, 4.0, 33)
 """Numerical: nodes of the integral over the state of the noise scale."""
 
+_LEAST_LEFT = 1e-3
+"""Numerical: least fraction of the variance of a reading that is not common to a face."""
+
+_WITHIN = 32
+"""Numerical: places between two nodes of that integral at which the parabola is summed."""
+
+_OF_CORNERS = 5 / 3
+"""Definition: mean variance over a rectangle that is displaced and tilted about two axes, which move the
+middles of its sides by one standard deviation each [1]."""
+
+_WEAK = 1e-8
+"""Numerical: information of an even density over that of a reading."""
+
 _GENERIC = np.sqrt([1.0, 2.0, 3.0])
 """Numerical: a direction that is along no face; it distinguishes the two sides of a plane."""
 
@@ -165,20 +178,25 @@ class SharedPlanes:
         planes: rows of the readings of each plane, and the side of the plane on which the object is; they identify the
             assumption.
         log_gain: log density of the readings on an object with these planes, over that of readings anywhere.
+        log_displaced: log density of the readings on the part, of which half have displaced faces, over that on the
+            part as drawn.
     """
 
     planes: frozenset[tuple[frozenset[int], bool]]
     log_gain: float
+    log_displaced: float = 0.0
 
 
 def log_gain_of_planes(found: Iterable[SharedPlanes]) -> float:
     """Return the log density of readings on an unknown object, over that of readings anywhere.
 
     Half of the unknown objects have flat faces. Their density is the sum over all sets of readings that share planes.
+    They may explain readings better than the part as drawn, since their planes are free. Only what they explain better
+    than a part whose faces are displaced counts.
     """
     best: dict[frozenset[tuple[frozenset[int], bool]], float] = {}
     for one in found:
-        best[one.planes] = max(best.get(one.planes, -np.inf), one.log_gain)
+        best[one.planes] = max(best.get(one.planes, -np.inf), one.log_gain - one.log_displaced)
     return float(np.logaddexp(0.0, log_sum(list(best.values()))) - np.log(2)) if best else 0.0
 
 
@@ -203,7 +221,7 @@ def shared_planes(
         own = _Box.of(at, s, problem, free, flat, _SAME * part.diagonal, T)
         if own is not None:
             log = own.log_places(problem, volume, part) + own.log_integral(problem, zs[s])
-            out.append(SharedPlanes(own.planes(T), log))
+            out.append(SharedPlanes(own.planes(T), log, own.log_displaced(problem, zs[s])))
     return out
 
 
@@ -379,33 +397,122 @@ class _Box:
     def log_integral(self, problem: Problem, z: FloatArray) -> float:
         """Return the log integral over axes, distances of the planes, shared errors and noise scale.
 
-        Distances of readings are linear in the states about the pose of the part, so that the integral is normal.
-
         Args:
             problem: measurements and priors.
             z: states at the pose of the part ``(D,)``.
         """
         rows = np.flatnonzero(self.numbers >= 0)
-        numbers, points, per_sd = self.numbers[rows], self.points[rows], self.per_sd[rows]
+        numbers, points = self.numbers[rows], self.points[rows]
         normals, on = self.normals[numbers], self.aligned[numbers]
         K, E = len(self.normals), self.shared.shape[1]
         turns, planes = np.cross(points, normals), np.eye(K)[numbers]
         off = np.flatnonzero(~self.aligned)
         tilts = [planes[:, k, None] * (turns @ SO3.frame_from_axis(self.normals[k], 2)[:, :2]) for k in off]
         J = np.concatenate([planes, np.where(on[:, None], turns, 0.0), *tilts, -self.shared[rows]], axis=1)
-        J, r = J * per_sd[:, None], self.distances[rows] * per_sd
-        priors = np.zeros(K), np.full(3, 2 * np.pi / _ATTITUDES ** (2 / 3)), np.ones(2 * len(off) + E)
-        H, pull = J.T @ J + np.diag(np.concatenate(priors)), J.T @ r
-        pull[len(pull) - E :] -= z[:E]
-        chi2 = max(float(r @ r + z[:E] @ z[:E] - pull @ np.linalg.solve(H, pull)), 0.0)
-        freedom = len(r) - (len(H) - E)
-        log = float(np.log(per_sd).sum() - 0.5 * np.linalg.slogdet(H)[1] - np.log(_ATTITUDES))
-        log -= 0.5 * freedom * np.log(2 * np.pi)
-        if not problem.scale_sd:
-            return log - 0.5 * chi2
-        larger = problem.scale_sd * (_SCALES - z[-1])  # log of the noise scale over that of the pose
-        prior = -(_SCALES**4) / 16
-        return log + float(log_sum(prior - freedom * larger - 0.5 * chi2 * np.exp(-2 * larger)) - log_sum(prior))
+        attitudes = np.full(3, 2 * np.pi / _ATTITUDES ** (2 / 3))
+        prior = np.concatenate([np.full(K, self._even()), attitudes, np.ones(2 * len(off) + E)])
+        return self._log_linear(J, prior, problem, z)[1] - float(np.log(_ATTITUDES))
+
+    def log_displaced(self, problem: Problem, z: FloatArray) -> float:
+        """Return the log density of the readings on the part, of which half have displaced faces, over that as drawn.
+
+        Args:
+            problem: measurements and priors.
+            z: states at the pose of the part ``(D,)``.
+        """
+        rows = np.flatnonzero(self.numbers >= 0)
+        normals, points = self.normals[self.numbers[rows]], self.points[rows]
+        length = max(float(np.linalg.norm(points, axis=1).max()), SMALLEST * problem.priors.radius)
+        J = np.concatenate([-normals, np.cross(normals, points) / length, -self.shared[rows]], axis=1)
+        prior = np.concatenate([np.full(6, self._even()), np.ones(self.shared.shape[1])])
+        as_drawn, half = self._log_linear(J, prior, problem, z)
+        return half - as_drawn
+
+    def _even(self) -> float:
+        """Return the prior information on a distance of which the density is even [1/m^2]."""
+        return _WEAK * float((self.per_sd**2).mean())
+
+    def _log_linear(self, J: FloatArray, prior: FloatArray, problem: Problem, z: FloatArray) -> tuple[float, float]:
+        """Return log densities of the readings on planes: on faces as made exactly, and if half are displaced.
+
+        Distances are linear in the states. The noise of a reading contains the deviation of the surface from its CAD.
+        It may be common to all readings of a face, which is displaced and tilted. If it is not stated, half of the
+        variance of the readings is.
+
+        Args:
+            J: derivatives of the distances by the states, of which the last are the shared errors ``(n, D)``.
+            prior: prior information on the states ``(D,)``.
+            problem: measurements and priors.
+            z: states at the pose of the part ``(D,)``.
+        """
+        rows, points = np.flatnonzero(self.numbers >= 0), problem.points
+        numbers, places, per_sd, r = self.numbers[rows], self.points[rows], self.per_sd[rows], self.distances[rows]
+        fixed, tolerance = points.tolerance**2 + points.rounding**2, points.tolerance
+        errors = z[: self.shared.shape[1]]
+        noise = np.exp(problem.scale_sd * np.append(_SCALES, z[-1:])) if problem.scale_sd else np.ones(2)
+        variances = np.maximum(1 / per_sd**2 - fixed, 0.0) * (noise[:-1, None] / noise[-1]) ** 2 + fixed
+        exact = _log_linear(J, r, variances, np.tile(prior, (len(variances), 1)), errors)
+        common = tolerance if tolerance else np.sqrt(0.5) / per_sd / noise[-1]
+        left = np.maximum(variances - tolerance**2 if tolerance else variances / 2, _LEAST_LEFT * variances)
+        displaced = list[FloatArray]()
+        for k, normal in enumerate(self.normals):
+            own, across = numbers == k, places @ SO3.frame_from_axis(normal, 2)[:, :2]
+            across = across - across[own].mean(axis=0)
+            extent = np.maximum(np.abs(across[own]).max(axis=0), SMALLEST * problem.priors.radius)
+            moved = np.concatenate([np.ones((len(rows), 1)), across / extent], axis=1)
+            displaced.append((own * common)[:, None] * moved / np.sqrt(_OF_CORNERS))
+        D = 3 * len(displaced)
+        of_faces = np.ones(len(left)) if tolerance else noise[:-1] ** -2.0
+        priors = np.concatenate([np.repeat(of_faces[:, None], D, axis=1), np.tile(prior, (len(left), 1))], axis=1)
+        log = _log_linear(np.concatenate([*displaced, J], axis=1), r, left, priors, errors, D)
+        return exact, float(log_even(log - exact)) + exact
+
+
+def _log_linear(
+    J: FloatArray,
+    r: FloatArray,
+    variances: FloatArray,
+    prior: FloatArray,
+    errors: FloatArray,
+    displaced: int = 0,
+) -> float:
+    """Return the log density of distances that are linear in states, integrated over the states and the noise scale.
+
+    The density of the first and the last states is normal. That of all others is 1 at zero.
+
+    Args:
+        J: derivatives of the distances by the states, of which the last are the shared errors ``(n, D)``.
+        r: distances ``(n,)`` [m].
+        variances: variances of the distances at each noise scale ``(M, n)`` [m^2].
+        prior: prior information on the states at each noise scale ``(M, D)``.
+        errors: shared errors at the pose of the part ``(E,)``.
+        displaced: number of the first states, which displace and tilt faces.
+    """
+    E, nodes = len(errors), _SCALES if len(variances) == len(_SCALES) else np.zeros(1)
+    errors = np.concatenate([np.zeros(J.shape[1] - E), errors])
+    H = np.stack([(J / own[:, None]).T @ J + np.diag(info) for own, info in zip(variances, prior, strict=True)])
+    pull = (r / variances) @ J - errors
+    chi2 = (r**2 / variances).sum(axis=1) + errors @ errors
+    chi2 -= np.sum(pull * np.linalg.solve(H, pull[..., None])[..., 0], axis=1)
+    log = -0.5 * (np.log(variances).sum(axis=1) + np.linalg.slogdet(H)[1] + np.maximum(chi2, 0.0)) - nodes**4 / 16
+    log += 0.5 * np.log(prior[:, :displaced]).sum(axis=1)
+    constant = 0.5 * (len(errors) - displaced - E - len(r)) * np.log(2 * np.pi)
+    return _log_mean(log) - _log_mean(-(nodes**4) / 16) + constant
+
+
+def _log_mean(log: FloatArray) -> float:
+    """Return the log of the mean of a density from its logs at even nodes, by a parabola about each node.
+
+    Args:
+        log: log density at the nodes ``(M,)``; its maximum may be narrower than the distance of two nodes.
+    """
+    if len(log) < 3:
+        return float(log_sum(log)) - float(np.log(len(log)))
+    slope, bend = np.gradient(log), np.gradient(np.gradient(log))
+    bend[1:-1] = log[2:] - 2 * log[1:-1] + log[:-2]
+    x = (np.arange(_WITHIN) + 0.5) / _WITHIN - 0.5
+    within = log[:, None] + slope[:, None] * x + 0.5 * bend[:, None] * x**2
+    return float(log_sum(within)) - float(np.log(within.size))
 
 
 def _log_filled(part: Part) -> float:
