@@ -132,6 +132,7 @@ def test_answers_are_true_within_their_covariance(name, parts):
     assert d2.min() < chi2.isf(1e-3, 6)
 
 
+@pytest.mark.slow
 def test_the_other_answers_are_the_right_ones(parts):
     statuses = {"step_not_felt": "ambiguous", "unknown_part": "unknown", "too_few": "insufficient"}
     for name, status in statuses.items():

@@ -418,6 +418,7 @@ def test_a_plan_is_written_in_a_language_of_ones_own(here, touched):
     assert "pendant" in here(*words, "--program", "pendent").stderr
 
 
+@pytest.mark.slow
 def test_a_machine_of_ones_own_places_a_part(here, touched, tmp_path):
     folder, _ = touched
     words = ["probe", "--machine", "fake:millbox", "--part", folder / "wedge.tri", "--goal", "0.3mm"]
@@ -447,6 +448,7 @@ def wedge_in_metres():
     return 1e-3 * vertices, triangles
 
 
+@pytest.mark.slow
 def test_the_conformance_suite_runs_on_a_driver_of_ones_own(acme):
     environment = {**os.environ, "PYTHONPATH": str(acme), "TANTEO_DRIVERS": "fake:millbox"}
     suite = [
@@ -535,6 +537,7 @@ def test_an_import_error_is_named_where_the_plug_in_is_used(install, tmp_path):
     assert tanteo.read_parts(tmp_path / "a.bad0").failures[0].reason.startswith("broken-kit 1.0, entry point")
 
 
+@pytest.mark.slow
 def test_the_rest_works_beside_a_broken_plug_in(install, tmp_path):
     points = {group: {"zzz": "broken_two:ITEM"} for group in POINTS}
     folder = install({"broken_two": BROKEN}, points, "broken-kit-2")

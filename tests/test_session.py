@@ -83,6 +83,7 @@ def test_an_unconfirmable_goal_is_not_pursued(targets, probability, max_measurem
     assert session.count <= 2
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_questions_and_answers(targets):
     start, runs = rough(targets), []
     for _ in range(2):
@@ -161,6 +162,7 @@ def known_by(how, action):
     }[how]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["beam", "free", "touch", "name", "one of several", "rounded"])
 def test_an_answer_is_known_by_its_beam_or_its_name(targets, how):
     session = new_session(rough(targets[:1]))
@@ -169,6 +171,7 @@ def test_an_answer_is_known_by_its_beam_or_its_name(targets, how):
     assert session.pending is None
 
 
+@pytest.mark.slow
 def test_a_reading_of_another_beam_answers_only_by_word(targets):
     session = new_session(rough(targets[:1]))
     action = session.ask()
@@ -201,6 +204,7 @@ def test_a_hand_that_is_not_quite_where_it_was_sent_has_answered(targets):
         assert session.ask() is not action
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("expected", [np.nan, np.inf, 0.0])
 def test_a_question_that_expects_nothing_is_answered_by_its_beam(targets, expected):
     """The caller gave no direction: the session would plan it for ever."""
@@ -387,6 +391,7 @@ def test_a_contradicted_prior_ends_the_session(targets):
     assert wide.answer().status == "recognized"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("contact", "half_angle", "sd", "across"),
     [(True, 0.0, 3e-4, 3e-4), (False, 0.0, 3e-4, 9e-5), (False, 0.02, 3e-4, 1e-3), (False, 0.0, 3e-3, 9e-4)],
@@ -503,6 +508,7 @@ def test_centres_of_a_ball_are_given_as_to_identify(targets, bias_sd):
     np.testing.assert_allclose(np.sqrt(np.diag(given.covariance)), np.sqrt(np.diag(expected.covariance)), rtol=0.1)
 
 
+@pytest.mark.slow
 def test_the_ball_is_part_of_the_probe(targets):
     """Its centre stops one radius short of a face, and the reading is this centre."""
     radius, T = 3e-3, SE3.exp(np.array([1e-3, -1e-3, 1e-3, 0.01, 0.01, -0.01]))

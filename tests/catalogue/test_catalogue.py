@@ -328,6 +328,7 @@ def test_a_catalogue_opens_in_milliseconds(built):
     assert min(seconds) < 0.05
 
 
+@pytest.mark.slow
 def test_identify_takes_a_catalogue_as_parts(tmp_path):
     build_catalogue("examples/parts", tmp_path / "c", workers=0)
     readings = tanteo.read_readings("examples/readings/bracket_left.csv")

@@ -146,6 +146,7 @@ def test_a_worker_that_comes_later_does_the_work(cluster, lent):
     assert found[0][0] == 9
 
 
+@pytest.mark.slow
 def test_a_task_that_ends_its_worker_costs_itself_only(lent):
     from lent_work import fatal
 

@@ -219,6 +219,7 @@ def test_a_script_without_main_guard_can_read_in_parallel(folder, tmp_path):
     assert done.stdout.split() == ["23", "0"]
 
 
+@pytest.mark.slow
 def test_examples_read_equal_in_processes_and_from_cache():
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
     files = [EXAMPLES / f"{name}.step" for name in ("block", "flange", "hex_spacer", "bracket_left")]

@@ -208,6 +208,7 @@ def test_a_plan_without_touches_is_no_program(run):
     assert "warning: --program: the plan has no touches" in got.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["grbl", "ur", "fanuc", "kuka", "abb"])
 def test_programs_are_in_the_document(name, run):
     got = run(*PLAN, "--pose-prior", PRIOR, "--program", name, "--json", "--feed", "2mm/s", "--overtravel", "6mm")

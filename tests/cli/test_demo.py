@@ -56,6 +56,7 @@ def test_each_question_has_its_expected_gain_and_result(run, tmp_path):
     assert '"look":[' in text
 
 
+@pytest.mark.slow
 def test_the_two_candidates_differ_for_camera_at_edges_alone():
     pytest.importorskip("cv2", reason="the extra tanteo[vision] is not installed")
     import cv2

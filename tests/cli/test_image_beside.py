@@ -61,6 +61,7 @@ def shares(run, *args):
     return out, done.err
 
 
+@pytest.mark.slow
 def test_an_image_changes_the_odds_of_the_parts(run, readings, few):
     alone, _ = shares(run, readings, "--parts", few, "--top", "50")
     seen, shares_stated = shares(run, readings, "--parts", few, "--top", "50", *SEEN)

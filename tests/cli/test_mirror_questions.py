@@ -41,6 +41,7 @@ def exchanged(name, target, *, swap=("x_mm", "y_mm"), vectors=("dx", "dy")):
     return target
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("swap", [("x_mm", "y_mm", "dx", "dy"), ("y_mm", "z_mm", "dy", "dz")])
 def test_exchanged_columns_raise_a_question(run, tmp_path, swap):
     file = exchanged("step_15mm.csv", tmp_path / "r.csv", swap=swap[:2], vectors=swap[2:])

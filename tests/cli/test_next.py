@@ -73,6 +73,7 @@ def test_a_frame_states_its_error(run):
     assert "farthest corner within" in got.out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "unit"), [(1 / 25.4, "inches"), (1e-3, "m")])
 def test_a_wrong_unit_is_named_and_refuses_frames(run, tmp_path, factor, unit):
     rows = [r for r in DECIDED[0].read_text().splitlines() if not r.startswith("#")]

@@ -26,6 +26,7 @@ def touches(tmp_path_factory):
     return str(path)
 
 
+@pytest.mark.slow
 def test_more_outliers_than_expected_are_no_answer(run, touches):
     code, out, _ = run("locate", touches, "--part", str(BRACKET))
     assert code == 3

@@ -19,6 +19,7 @@ PARTS = Path(__file__).parents[2] / "examples" / "parts"
 BRACKET = str(PARTS / "bracket_left.step")
 
 
+@pytest.mark.slow
 def test_a_plan_as_text_csv_and_json(run, tmp_path):
     out = tmp_path / "plan.csv"
     report = tmp_path / "plan.html"
@@ -160,6 +161,7 @@ def test_a_file_that_is_not_there_fails(run, tmp_path):
     assert io.StringIO(got.out).read() == ""
 
 
+@pytest.mark.slow
 def test_a_named_feature_is_planned_for(run, tmp_path):
     out, report = tmp_path / "plan.csv", tmp_path / "plan.html"
     words = ("plan", "--part", BRACKET, "--goal", "0.5mm", "--sd", "0.1mm")
@@ -250,6 +252,7 @@ def test_a_log_of_a_robot_program_has_the_pose_of_the_tool(run, tmp_path):
     assert [error.name for error in measured.shared] == ["tip offset"]
 
 
+@pytest.mark.slow
 def test_the_error_of_the_form_needs_more_touches(run):
     words = ("plan", "--part", BRACKET, "--goal", "0.8mm", "--sd", "0.05mm", "--json")
     plain = json.loads(run(*words).out)

@@ -81,6 +81,7 @@ def test_a_frame_that_it_does_not_take_is_refused_first(run, machine, frame, wor
     assert "hit after" not in result.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("machine", ["fake:grbl", "fake:linuxcnc"])
 def test_a_frame_alone_is_one_of_the_machine(run, machine):
     """GRBL has no R: a turn that it cannot hold is named."""

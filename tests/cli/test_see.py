@@ -123,6 +123,7 @@ def test_an_image_may_come_after_the_parts(run, parts):
     assert "none.png" in result.err
 
 
+@pytest.mark.slow
 def test_what_a_camera_file_lacks_is_assumed_with_a_warning(run, tmp_path, close_up):
     """A size and a projection that the file does not have, and a skew."""
     image, matrix = close_up

@@ -29,6 +29,7 @@ def test_a_plane_in_words(capsys):
         assert words in out
 
 
+@pytest.mark.slow
 def test_an_edge_in_json_and_its_record(capsys, tmp_path):
     record = tmp_path / "record.csv"
     code, out, _ = run(capsys, "edge", "--scene", SCENE, "--json", "--record", str(record))
@@ -52,6 +53,7 @@ def test_seed_and_standoff(capsys):
     assert outs[0] == outs[1] != outs[2]
 
 
+@pytest.mark.slow
 def test_forbidden_boxes_are_kept_out_of(capsys):
     code, out, _ = run(capsys, "plane", "--scene", SCENE, "--forbid", "100,0,0,160,70,250mm", "-v")
     assert code == 3

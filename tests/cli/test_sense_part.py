@@ -44,6 +44,7 @@ def test_it_ends_with_name_place_and_cost_in_words(run, tmp_path):
     assert any("go to" in line and "reached" in line for line in lines)
 
 
+@pytest.mark.slow
 def test_json_is_one_document_and_the_record_gives_it_again(run, tmp_path):
     record = tmp_path / "session.json"
     one = ("sense", "part", "--scene", str(SCENE), "--parts", LEFT, "--goal", "20mm")
@@ -150,6 +151,7 @@ def test_a_scene_without_a_rough_place_needs_one_from_options(run):
     assert run("sense", "part", "--scene", scene, *PARTS, "--prior", str(prior))[0] == 1
 
 
+@pytest.mark.slow
 def test_an_interruption_keeps_the_record_of_the_readings(sense, run, tmp_path, monkeypatch):
     def interrupt(visit, *, verbose):
         if visit.step is not None and visit.step.ids:

@@ -116,6 +116,7 @@ def on_terminal(args, **env):
     return process.returncode, out.decode()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 def test_colour_only_on_a_terminal_and_never_with_no_color(parts):
     args = ["part", "show", parts / "wedge.stl", "--units", "mm"]

@@ -67,6 +67,7 @@ def squared_error(mode, T):
     return xi @ np.linalg.solve(mode.covariance, xi)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scenes", "n"), [(30, 12), pytest.param(600, 12, marks=SLOW), pytest.param(600, 30, marks=SLOW)]
 )
@@ -97,6 +98,7 @@ def error_by_plain_draws(mode, T, rng, draws=3000, freedom=5):
     return off @ np.linalg.solve((w[:, None] * (x - mean)).T @ (x - mean), off)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scenes", "n"), [(40, 30), pytest.param(600, 30, marks=SLOW)])
 def test_errors_follow_the_stated_covariance(parts, scenes, n):
     """By the likelihood itself, exactly; by the covariance of the answer, which may be a little too small.

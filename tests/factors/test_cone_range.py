@@ -171,6 +171,7 @@ def test_every_range_preset_states_its_response():
     assert all((one.response in RESPONSES) != one.is_contact for one in sensor_presets().values())
 
 
+@pytest.mark.slow
 def test_another_response_that_fits_is_named(block):
     rng = np.random.default_rng(1)
     sensors = [looking(rng, block.part) for _ in range(20)]

@@ -143,6 +143,7 @@ def test_recordings_of_which_nothing_holds_are_refused(kind, tmp_path):
             read_readings(file)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_spoiled_bytes_never_end_in_a_traceback(kind, tmp_path):
     recording = Recording(kind).moving()

@@ -94,6 +94,7 @@ def test_other_readers_get_equal_messages(session, tmp_path):
     assert lines
 
 
+@pytest.mark.slow
 def test_steps_keep_their_times_when_more_follow(session, tmp_path):
     path = tmp_path / "run.mcap"
     write_record(session, path)

@@ -92,6 +92,7 @@ def test_the_depth_of_a_missed_contact_is_bounded(block):
     assert deepest < 0.01
 
 
+@pytest.mark.slow
 def test_a_touch_that_may_miss_is_no_open_circuit(block):
     """Wrong prior: touches beside the part are no evidence against the probe while poses explain them."""
     for seed in range(2):

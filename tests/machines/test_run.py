@@ -225,6 +225,7 @@ def test_a_log_without_directions_leads_to_next(tmp_path, text):
         pass
 
 
+@pytest.mark.slow
 def test_a_log_answers_every_request(block, tmp_path):
     """The touches of one session answer another session with other plans: the same part, placed equally well."""
     record, one = tmp_path / "run.json", session(block, most=WHOLE)

@@ -41,6 +41,7 @@ def test_the_examples_have_the_same_features_as_meshes(file, tmp_path, solids):
     assert kinds[0] == kinds[1]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DATA.exists(), reason=f"no shared data at {DATA}")
 @pytest.mark.parametrize(
     ("pattern", "step", "most_missed", "most_extra"),

@@ -75,6 +75,7 @@ def test_a_polygon_without_a_star_corner_is_filled(tmp_path):
     assert part.volume == pytest.approx(area * 10 * 1e-9)
 
 
+@pytest.mark.slow
 def test_a_polygon_of_thousands_of_corners_is_triangulated_whole(tmp_path):
     """A star-shaped outline without symmetry or a central corner: the volume is the polygon's area times the height."""
     count = 4000

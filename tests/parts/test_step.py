@@ -304,6 +304,7 @@ def kernel_numbers(path):
     return volume * 1e-9, area * 1e-6
 
 
+@pytest.mark.slow
 @needs_data
 @pytest.mark.parametrize(
     "pattern", ["step_parts/*.st*p", "step_nist/nist_[cf]tc_0[136]*.stp", "step_confusable/*-1-*-23.step"]

@@ -136,6 +136,7 @@ def test_a_plan_for_a_feature_needs_fewer_readings(wedge, of_corners, feature):
     assert np.std(off, axis=0).max() < last.sd == last.feature_sd
 
 
+@pytest.mark.slow
 def test_a_session_ends_with_the_feature_placed_as_reason(wedge):
     start = rough([wedge])
     _, T = drawn_truth(start, np.random.default_rng(7))

@@ -29,6 +29,7 @@ C = np.diag(np.repeat([5e-3, 0.05], 3) ** 2)
 UP = np.array([0.0, 0.0, 1.0])
 
 
+@pytest.mark.slow
 def test_a_prior_too_wide_for_any_plan_is_named(bracket):
     """10 mm and 5 degrees: touches of its narrow faces may miss, and the others say nothing of one direction."""
     rough, fine = np.diag(np.repeat([0.01, np.radians(5)], 3)) ** 2, replace(TOUCH, law=NoiseLaw.of(1e-5))
@@ -65,6 +66,7 @@ def test_six_planned_touches_of_a_block(block):
     assert found.readings[-1].corner_sd <= 0.65e-3
 
 
+@pytest.mark.slow
 def test_a_plan_promises_what_least_squares_gives(bracket, planned):
     """Simulated readings of the plan, estimated about the expected pose: corner errors against the promised chance."""
     found, tolerance = planned, 1.2e-3
@@ -178,6 +180,7 @@ def test_a_bias_does_not_average_out(bracket):
     assert kept.readings[-1].covariance[2, 2] ** 0.5 > 0.99 * 5e-4
 
 
+@pytest.mark.slow
 def test_the_largest_shared_error_is_what_limits_a_plan(bracket):
     """Also beside others, and a reach that leaves directions free is not blamed on an error."""
     start = at_pose(bracket, np.eye(4), C)
@@ -379,6 +382,7 @@ def test_the_share_of_placements_where_all_meet_is_as_counted(bracket, planned):
     assert found.all_meet == pytest.approx(on_face.all(axis=0).mean(), abs=0.04)
 
 
+@pytest.mark.slow
 def test_a_start_in_contact_with_the_part_is_reported():
     """8 mm before a part that is known to 5 mm: in some placements the probe would start in it."""
     step = prepare(read_part(PARTS / "step_12mm.step"))

@@ -135,6 +135,7 @@ def test_a_session_states_whether_the_part_is_open(start, weights, probability, 
     assert seen == [part_open]
 
 
+@pytest.mark.slow
 def test_one_part_alone_is_distinguished_from_the_unknown(start):
     """There is no other part to exclude, and yet readings are worth their cost."""
     alone = rough(start.targets[2:])

@@ -132,6 +132,7 @@ def test_where_the_posterior_is_not_normal_draws_decide():
     assert chance_within(here, 1e-6) == pytest.approx(state.weights[drawn][bent[drawn]].sum())
 
 
+@pytest.mark.slow
 def test_the_pose_of_a_casting_divides_its_planes():
     """The tops beside the slot are one plane of readings, and two faces; this session touches both."""
     target, rng = prepare(read_part(PARTS / "t_slot.step")), np.random.default_rng(6)

@@ -81,6 +81,7 @@ def test_directions_out_of_the_material_are_noticed():
     assert about_directions(points, np.tile([0.0, 0.0, -1.0], (12, 1))) is None  # all from above
 
 
+@pytest.mark.slow
 def test_an_answer_in_python_carries_typed_findings():
     part, rng = read_part(PARTS / "bracket_left.step"), np.random.default_rng(5)
     points, normals = surface_points(Surface(part.vertices, part.triangles), 20, rng)

@@ -117,6 +117,7 @@ def test_a_symmetric_pattern_is_ambiguous(folder):
     assert locate(sensed(heights(corners)), part).status == "ambiguous"
 
 
+@pytest.mark.slow
 def test_centres_beside_many_holes_are_found(folder):
     rng = np.random.default_rng(5)
     grid = [(x, y) for x in range(-44, 45, 8) for y in range(-28, 29, 8)]

@@ -60,6 +60,7 @@ def test_two_beams_that_graze_a_wall_are_no_outliers():
     assert answer.best.outliers == ()
 
 
+@pytest.mark.slow
 def test_seeds_agree_where_touches_are_few():
     """Five or six touches leave many poses, some of which few sources find.
 

@@ -105,6 +105,7 @@ def test_samples_in_pieces_scatter_little():
     assert np.std(logs) < 0.15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [8, 9])
 def test_the_status_near_a_prior_does_not_depend_on_the_seed(scene):
     """Two ways to assign six touches are two poses: maxima at the pass between them are no way across."""

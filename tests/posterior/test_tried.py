@@ -46,6 +46,7 @@ def test_outliers_do_not_end_search_at_pose_with_many(targets, seed):
     assert len(answer.best.outliers) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_one_more_outlier_costs_similar_part_its_odds(targets, seed):
     """One touch discriminates both steps. As a third outlier of 16 at a rate of 0.1 it cannot exclude the wrong one.

@@ -36,6 +36,7 @@ def identified(points, parts, seed=0):
     return tanteo.identify(readings, [p.part for p in parts], seed=seed, conventions=False, top=12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [0, 1, 2])
 def test_a_mirror_image_of_a_corner_is_not_lost(parts, k):
     own = parts[k % 2]

@@ -28,6 +28,7 @@ def noticed(python, network, plan, tmp_path):
     return json.loads(manager.stdout), node.returncode, err
 
 
+@pytest.mark.slow
 def test_transitions_do_what_a_manager_expects(noticed):
     found, code, err = noticed
     assert found["early"] == [False, "unconfigured"]

@@ -54,6 +54,7 @@ def whole(shots):
                 yield row, shot, outline
 
 
+@pytest.mark.slow
 def test_the_part_of_an_image_is_searched(catalogue, shots, many):
     left, seen = [], 0
     for row, _, outline in whole(shots):

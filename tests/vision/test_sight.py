@@ -179,6 +179,7 @@ def test_a_part_in_the_air_is_found_without_a_table(models):
 
 
 # half of the edges are hidden, and other poses hide fewer; most edges are a few grey levels
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "camera_at", "part_at", "paint", "table"),
     [
@@ -240,6 +241,7 @@ def test_an_image_of_noise_shows_no_part(models):
     assert not sight.objects or sight.objects[0].answer.status != "recognized"
 
 
+@pytest.mark.slow
 def test_the_picture_shows_what_was_seen(two, models):
     image, camera, _, _ = two
     sight = see_table(image, camera, models[:1])
@@ -331,6 +333,7 @@ def test_without_opencv_the_message_names_the_package(monkeypatch):
         find_edges(np.zeros((40, 40)))
 
 
+@pytest.mark.slow
 def test_a_part_is_proposed_beyond_what_differs_from_the_table():
     """Faces as bright as a woven table are in no region; only the part's dark sides and its shadow are."""
     post, step = (prepare_vision(read_part(EXAMPLES / f"{name}.step")) for name in ("square_post", "step_15mm"))

@@ -54,6 +54,7 @@ def answers(scene):
     return [identify(readings, parts, sd=5e-5, views=views[:count], conventions=False) for count in (0, 1, 2)]
 
 
+@pytest.mark.slow
 def test_views_and_touches_give_one_answer(scene, answers):
     parts, T, _, _ = scene
     alone, _, both = answers
@@ -130,6 +131,7 @@ def floating(scene):
     return part, T, hand_views(part, T, mounting, error, np.random.default_rng(1)), mounting
 
 
+@pytest.mark.slow
 def test_a_hand_eye_error_is_one_of_all_views(scene, floating):
     part, T, views, _ = floating
     first, *others = views
@@ -144,6 +146,7 @@ def test_a_hand_eye_error_is_one_of_all_views(scene, floating):
     assert np.linalg.slogdet(alone.covariance)[1] < np.linalg.slogdet(answer.best.covariance)[1]
 
 
+@pytest.mark.slow
 def test_views_of_one_mounting_have_its_states_once(scene, floating):
     part, T, views, mounting = floating
     points = SE3.apply(T, np.array(part.corners.points)[:4])
@@ -183,6 +186,7 @@ def test_several_views_need_the_poses_of_cameras(floating):
         see(views[0].pixels, nowhere, [part], others=views[1:])
 
 
+@pytest.mark.slow
 def test_a_further_view_keeps_earlier_proposals(scene):
     parts, _, views, _ = scene
     table, T_world_table = TableErrors(), np.eye(4)

@@ -43,7 +43,7 @@ _GRAZING = 0.02
 _ATTITUDES = 8 * np.pi**2 / 24
 """Definition: volume of the attitudes of three perpendicular axes; 24 are equal [rad^3]."""
 
-_SCALES = np.linspace(-4.0, 4.0, 33)
+_SCALES = np.linspace(-4.0, 4.0, 17)
 """Numerical: nodes of the integral over the state of the noise scale."""
 
 _LEAST_LEFT = 1e-3

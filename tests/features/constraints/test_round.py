@@ -37,6 +37,7 @@ def test_round_constraints_follow_their_covariance(simulated):
         assert low < values.mean() < high, key
 
 
+@pytest.mark.slow
 def test_gates_of_round_constraints_have_the_size_they_claim(simulated):
     found, dof = simulated
     rejected = [np.mean(values > special.chdtri(dof[key], 0.05)) for key, values in found.items()]

@@ -55,6 +55,7 @@ def felt():
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", list(SENSE))
 def test_a_block_is_felt_where_it_is(felt, kind):
     got, robot = felt[kind]

@@ -86,6 +86,7 @@ def test_a_session_takes_views_with_a_reason(made):
     assert scenes.least_clearance(scene, robot) > 0
 
 
+@pytest.mark.slow
 def test_two_views_and_their_camera_keep_the_part(made):
     """Two images agree only with an error of the camera on the hand; the prior pose does not win before it is found."""
     scene, start, *_ = made
@@ -113,6 +114,7 @@ def test_two_views_and_their_camera_keep_the_part(made):
     assert further.gain < 1  # the pose is within the goal, and no image decides whether all show another object
 
 
+@pytest.mark.slow
 def test_a_record_with_views_replays(made, tmp_path):
     scene, start, session, robot, _ = made
     eyes = HandCamera(scene, robot, start.targets, start)

@@ -170,6 +170,7 @@ def test_nothing_seen_is_rough_place_and_without_one_an_error(steps):
         seen_start(None, steps)
 
 
+@pytest.mark.slow
 def test_the_object_is_one_at_prior_and_never_known_furniture(steps):
     """Three parts lie there; one is known and excluded, and the prior pose selects one of the others."""
     image = read_image(EXAMPLES / "images" / "three_parts.png")

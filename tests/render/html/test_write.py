@@ -151,6 +151,7 @@ def test_a_hypothesis_of_an_absent_part_is_the_callers_mistake(run, near_wedge):
         report_page(answer, gather(readings), [near_wedge], Run("tanteo"))
 
 
+@pytest.mark.slow
 def test_a_large_mesh_and_many_readings_stay_small(run, wedge, tmp_path):
     best, part = run[1].hypotheses[0], ball(wedge, subdivisions=6)
     points = part.vertices[np.random.default_rng(4).integers(len(part.vertices), size=20_000)]

@@ -144,6 +144,7 @@ def test_what_else_it_may_be_is_chosen_in_the_legend(open_page):
     assert differ(one, watched.seen(unlike=two)) < 0.001
 
 
+@pytest.mark.slow
 def test_a_person_plays_against_the_planner(open_page, live):
     watched, (_, middle, size, _) = open_page("desk"), live
     watched.press("You against the planner")

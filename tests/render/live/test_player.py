@@ -77,6 +77,7 @@ def test_steps_and_pauses_change_nothing(targets, went):
     assert not np.array_equal(one.readings.points[:1], another.readings.points)
 
 
+@pytest.mark.slow
 def test_a_click_senses_there_and_the_counts_are_compared(targets, went):
     person, (session, alone) = play(maker(targets), from_above(0.06, 0.02), Go(), Quit())
     first, *others = (step.action for step in session.steps)

@@ -147,6 +147,7 @@ def test_viser_is_imported_by_the_page_alone():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.slow
 def test_every_reading_answers_the_planned_action(targets):
     """A probe that returns an unlabelled point, with its own name, is not sent to the same place again."""
     session = maker(targets, max_measurements=3)(0, "information").session

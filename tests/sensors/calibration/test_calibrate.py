@@ -180,6 +180,7 @@ def test_two_sensors_share_the_plane():
         assert e @ np.linalg.solve(beam.cov, e) < chi2.ppf(0.999, 7) * 1.2
 
 
+@pytest.mark.slow
 def test_the_robot_s_error_moves_planes_and_not_beams():
     rng, plane, T, hands = scene(4)
     log = simulated_log(rng, T, plane, hands)

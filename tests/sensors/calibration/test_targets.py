@@ -86,6 +86,7 @@ def holds(values, dof=6, slack=1.15):
     return low / slack < np.mean(values) < high * slack
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "sd", "turn_sd", "spread"),
     [
@@ -128,6 +129,7 @@ def test_a_divot_determines_the_six_unknowns_of_a_ranger(rig, text):
     assert holds(values)
 
 
+@pytest.mark.slow
 def test_known_distances_determine_offset_and_scale(rig, tmp_path):
     errors = []
     for seed in range(20):

@@ -136,6 +136,7 @@ def test_readings_that_are_no_planes_are_not_explained_away(seed):
     assert "better than chance" in found.message
 
 
+@pytest.mark.slow
 def test_few_places_on_each_of_many_planes():
     """Five planes with five places each share one beam."""
     rng = np.random.default_rng(14)
@@ -208,6 +209,7 @@ def test_two_planes_taken_for_one_are_not_calibrated_with():
     assert "Check" in found.message
 
 
+@pytest.mark.slow
 def test_a_beam_off_its_pose_in_the_rig_is_reported():
     rng = np.random.default_rng(4)
     log = simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T, tilt=0.6))
