@@ -220,8 +220,8 @@ def shared_planes(
     for s, T in enumerate(Ts):
         own = _Box.of(at, s, problem, free, flat, _SAME * part.diagonal, T)
         if own is not None:
-            log = own.log_places(problem, volume, part) + own.log_integral(problem, zs[s])
-            out.append(SharedPlanes(own.planes(T), log, own.log_displaced(problem, zs[s])))
+            log, displaced = own.log_densities(problem, zs[s])
+            out.append(SharedPlanes(own.planes(T), own.log_places(problem, volume, part) + log, displaced))
     return out
 
 
@@ -244,6 +244,8 @@ class _Box:
         distances: signed distances from the planes of the part ``(n,)`` [m].
         per_sd: one over the standard deviation along the normal ``(n,)`` [1/m].
         normals: outward normals of the planes ``(K, 3)``.
+        frames: axes in each plane and its normal, as columns ``(K, 3, 3)``.
+        aligned: whether each plane is along one of the axes of the box ``(K,)``.
         axes: three axes of the box, as columns ``(3, 3)``.
         ends: end of the box that each plane is: 1 to 3 the upper end of an axis, -1 to -3 the lower one; 0 for a plane
             inside ``(K,)``.
@@ -257,6 +259,8 @@ class _Box:
     distances: FloatArray
     per_sd: FloatArray
     normals: Vectors
+    frames: Rotations
+    aligned: BoolArray
     axes: Rotations
     ends: IntArray
     cosines: FloatArray
@@ -310,7 +314,8 @@ class _Box:
         world = n @ T[:3, :3].T
         cosines = np.maximum(np.abs(np.sum(world * problem.points.directions[rows], axis=1)), _GRAZING)
         shared = np.einsum("ni,nik->nk", world, problem.points.shared_jacobian[rows])
-        return cls(rows, numbers, points, d, per_sd, n[order], axes, ends[order], cosines, shared)
+        frames, aligned = SO3.frame_from_axis(n[order], 2), np.abs(n[order] @ axes).max(axis=1) > 1 - _ALIGNED**2 / 2
+        return cls(rows, numbers, points, d, per_sd, n[order], frames, aligned, axes, ends[order], cosines, shared)
 
     def planes(self, T: Transforms) -> frozenset[tuple[frozenset[int], bool]]:
         """Return the rows of the readings of each plane, and the side on which the object is.
@@ -322,11 +327,6 @@ class _Box:
         outward = [self.axes[:, abs(end) - 1] * np.sign(end) if end else np.zeros(3) for end in self.ends]
         sides = (np.array(outward) @ T[:3, :3].T) @ _GENERIC > 0
         return frozenset(zip(rows, sides.tolist(), strict=True))
-
-    @property
-    def aligned(self) -> BoolArray:
-        """Return whether each plane is along one of the axes ``(K,)``."""
-        return np.asarray(np.abs(self.normals @ self.axes).max(axis=1) > 1 - _ALIGNED**2 / 2)
 
     def log_places(self, problem: Problem, volume: float, part: Part) -> float:
         """Return the log density of the places along the planes, and of the planes, over that of readings anywhere.
@@ -343,15 +343,13 @@ class _Box:
         outer, of_planes = np.zeros(len(self.rows), dtype=np.bool_), 0.0
         outer[self.numbers >= 0] = self.ends[self.numbers[self.numbers >= 0]] != 0
         later = np.zeros(len(self.rows), dtype=np.bool_)  # readings of a plane inside, beyond the first one
-        for k, (normal, aligned) in enumerate(zip(self.normals, self.aligned, strict=True)):
+        for k, aligned in enumerate(self.aligned):
             own = self.numbers == k
             if self.ends[k] != 0:
                 of_planes += log_covered(int(own.sum()))
             else:
                 of_planes += np.log(share / 3) if aligned else np.log((1 - share) / (2 * np.pi))
-                of_planes += log_reach(
-                    self.points[own] @ SO3.frame_from_axis(normal, 2)[:, :2], 2 * problem.priors.radius
-                )
+                of_planes += log_reach(self.points[own] @ self.frames[k, :, :2], 2 * problem.priors.radius)
                 later[np.flatnonzero(own)[1:]] = True
         single, off = ~outer & ~later & (self.numbers > -2), self.numbers == -2
         log_sides, sides = self._sides(2 * problem.priors.radius)
@@ -394,43 +392,31 @@ class _Box:
             sides.append(side)
         return logs, sides
 
-    def log_integral(self, problem: Problem, z: FloatArray) -> float:
-        """Return the log integral over axes, distances of the planes, shared errors and noise scale.
+    def log_densities(self, problem: Problem, z: FloatArray) -> tuple[float, float]:
+        """Return the log density of the readings on the planes, and that of displaced faces of the part.
+
+        The first is the integral over axes, distances of the planes, shared errors and noise scale. The second is the
+        density on the part, of which half have displaced faces, over that on the part as drawn.
 
         Args:
             problem: measurements and priors.
             z: states at the pose of the part ``(D,)``.
         """
         rows = np.flatnonzero(self.numbers >= 0)
-        numbers, points = self.numbers[rows], self.points[rows]
-        normals, on = self.normals[numbers], self.aligned[numbers]
-        K, E = len(self.normals), self.shared.shape[1]
-        turns, planes = np.cross(points, normals), np.eye(K)[numbers]
+        numbers, places = self.numbers[rows], self.points[rows]
+        normals, on, shared = self.normals[numbers], self.aligned[numbers], -self.shared[rows]
+        K, E = len(self.normals), shared.shape[1]
+        turns, planes = SO3.cross(places, normals), np.eye(K)[numbers]
+        even = _WEAK * float((self.per_sd**2).mean())  # information on a distance of which the density is even [1/m^2]
+        pose = np.concatenate([-normals, -turns / np.abs(places).max(), shared], axis=1)
+        as_drawn, half = self._log_linear(pose, np.concatenate([np.full(6, even), np.ones(E)]), problem, z)
         off = np.flatnonzero(~self.aligned)
-        tilts = [planes[:, k, None] * (turns @ SO3.frame_from_axis(self.normals[k], 2)[:, :2]) for k in off]
-        J = np.concatenate([planes, np.where(on[:, None], turns, 0.0), *tilts, -self.shared[rows]], axis=1)
+        tilts = [planes[:, k, None] * (turns @ self.frames[k, :, :2]) for k in off]
+        J = np.concatenate([planes, np.where(on[:, None], turns, 0.0), *tilts, shared], axis=1)
         attitudes = np.full(3, 2 * np.pi / _ATTITUDES ** (2 / 3))
-        prior = np.concatenate([np.full(K, self._even()), attitudes, np.ones(2 * len(off) + E)])
-        return self._log_linear(J, prior, problem, z)[1] - float(np.log(_ATTITUDES))
-
-    def log_displaced(self, problem: Problem, z: FloatArray) -> float:
-        """Return the log density of the readings on the part, of which half have displaced faces, over that as drawn.
-
-        Args:
-            problem: measurements and priors.
-            z: states at the pose of the part ``(D,)``.
-        """
-        rows = np.flatnonzero(self.numbers >= 0)
-        normals, points = self.normals[self.numbers[rows]], self.points[rows]
-        length = max(float(np.linalg.norm(points, axis=1).max()), SMALLEST * problem.priors.radius)
-        J = np.concatenate([-normals, np.cross(normals, points) / length, -self.shared[rows]], axis=1)
-        prior = np.concatenate([np.full(6, self._even()), np.ones(self.shared.shape[1])])
-        as_drawn, half = self._log_linear(J, prior, problem, z)
-        return half - as_drawn
-
-    def _even(self) -> float:
-        """Return the prior information on a distance of which the density is even [1/m^2]."""
-        return _WEAK * float((self.per_sd**2).mean())
+        prior = np.concatenate([np.full(K, even), attitudes, np.ones(2 * len(off) + E)])
+        log = self._log_linear(J, prior, problem, z)[1] - float(np.log(_ATTITUDES))
+        return log, half - as_drawn
 
     def _log_linear(self, J: FloatArray, prior: FloatArray, problem: Problem, z: FloatArray) -> tuple[float, float]:
         """Return log densities of the readings on planes: on faces as made exactly, and if half are displaced.
@@ -446,25 +432,29 @@ class _Box:
             z: states at the pose of the part ``(D,)``.
         """
         rows, points = np.flatnonzero(self.numbers >= 0), problem.points
-        numbers, places, per_sd, r = self.numbers[rows], self.points[rows], self.per_sd[rows], self.distances[rows]
+        numbers, per_sd, r, errors = (
+            self.numbers[rows],
+            self.per_sd[rows],
+            self.distances[rows],
+            z[: self.shared.shape[1]],
+        )
         fixed, tolerance = points.tolerance**2 + points.rounding**2, points.tolerance
-        errors = z[: self.shared.shape[1]]
         noise = np.exp(problem.scale_sd * np.append(_SCALES, z[-1:])) if problem.scale_sd else np.ones(2)
         variances = np.maximum(1 / per_sd**2 - fixed, 0.0) * (noise[:-1, None] / noise[-1]) ** 2 + fixed
         exact = _log_linear(J, r, variances, np.tile(prior, (len(variances), 1)), errors)
         common = tolerance if tolerance else np.sqrt(0.5) / per_sd / noise[-1]
         left = np.maximum(variances - tolerance**2 if tolerance else variances / 2, _LEAST_LEFT * variances)
-        displaced = list[FloatArray]()
-        for k, normal in enumerate(self.normals):
-            own, across = numbers == k, places @ SO3.frame_from_axis(normal, 2)[:, :2]
-            across = across - across[own].mean(axis=0)
-            extent = np.maximum(np.abs(across[own]).max(axis=0), SMALLEST * problem.priors.radius)
-            moved = np.concatenate([np.ones((len(rows), 1)), across / extent], axis=1)
-            displaced.append((own * common)[:, None] * moved / np.sqrt(_OF_CORNERS))
-        D = 3 * len(displaced)
+        own = np.eye(len(self.normals))[numbers]
+        across = np.einsum("ni,nij->nj", self.points[rows], self.frames[numbers, :, :2])
+        across = across - (own.T @ across / own.sum(axis=0)[:, None])[numbers]
+        extent = np.maximum.reduceat(np.abs(across)[np.argsort(numbers, kind="stable")], _starts(numbers))
+        across = across / np.maximum(extent, SMALLEST * problem.priors.radius)[numbers]
+        moved = np.concatenate([np.ones((len(rows), 1)), across], axis=1) * np.sqrt(1 / _OF_CORNERS)
+        displaced = (np.broadcast_to(common, len(rows))[:, None] * own)[:, :, None] * moved[:, None, :]
+        D = 3 * len(self.normals)
         of_faces = np.ones(len(left)) if tolerance else noise[:-1] ** -2.0
         priors = np.concatenate([np.repeat(of_faces[:, None], D, axis=1), np.tile(prior, (len(left), 1))], axis=1)
-        log = _log_linear(np.concatenate([*displaced, J], axis=1), r, left, priors, errors, D)
+        log = _log_linear(np.concatenate([displaced.reshape(-1, D), J], axis=1), r, left, priors, errors, D)
         return exact, float(log_even(log - exact)) + exact
 
 
@@ -490,14 +480,15 @@ def _log_linear(
     """
     E, nodes = len(errors), _SCALES if len(variances) == len(_SCALES) else np.zeros(1)
     errors = np.concatenate([np.zeros(J.shape[1] - E), errors])
-    H = np.stack([(J / own[:, None]).T @ J + np.diag(info) for own, info in zip(variances, prior, strict=True)])
+    H = (J.T / variances[:, None, :]) @ J
+    H[:, range(len(errors)), range(len(errors))] += prior
     pull = (r / variances) @ J - errors
     chi2 = (r**2 / variances).sum(axis=1) + errors @ errors
     chi2 -= np.sum(pull * np.linalg.solve(H, pull[..., None])[..., 0], axis=1)
     log = -0.5 * (np.log(variances).sum(axis=1) + np.linalg.slogdet(H)[1] + np.maximum(chi2, 0.0)) - nodes**4 / 16
     log += 0.5 * np.log(prior[:, :displaced]).sum(axis=1)
     constant = 0.5 * (len(errors) - displaced - E - len(r)) * np.log(2 * np.pi)
-    return _log_mean(log) - _log_mean(-(nodes**4) / 16) + constant
+    return _log_mean(log) + constant - (_LOG_SCALES if len(nodes) > 1 else 0.0)
 
 
 def _log_mean(log: FloatArray) -> float:
@@ -513,6 +504,15 @@ def _log_mean(log: FloatArray) -> float:
     x = (np.arange(_WITHIN) + 0.5) / _WITHIN - 0.5
     within = log[:, None] + slope[:, None] * x + 0.5 * bend[:, None] * x**2
     return float(log_sum(within)) - float(np.log(within.size))
+
+
+_LOG_SCALES = _log_mean(-(_SCALES**4) / 16)
+"""Numerical: log of the mean of the unnormalized prior density of the state of the noise scale at the nodes."""
+
+
+def _starts(numbers: IntArray) -> IntArray:
+    """Return where each number begins in their sorted order."""
+    return np.flatnonzero(np.diff(np.sort(numbers), prepend=-1))
 
 
 def _log_filled(part: Part) -> float:
