@@ -190,3 +190,16 @@ def test_displaced_faces_are_still_those_of_the_part(name):
     answer = tanteo.identify(tanteo.Readings.from_columns(p, sds=np.full(len(p), SD)), [target.part], conventions=False)
     assert answer.status == "recognized"
     assert answer.unknown_probability < 0.01
+
+
+@pytest.mark.parametrize(("name", "seed"), [("t_slot", 3), ("clamp", 7), ("wedge", 10)])
+def test_no_object_smaller_than_the_noise_explains_readings(name, seed):
+    """A pose that fits badly proposes a small box; readings far beyond its ends are not on it."""
+    names = "block", "clamp", "housing", "t_slot", "wedge", "bracket_left"
+    targets = {one: prepare(tanteo.read_part(EXAMPLES / f"{one}.step")) for one in names}
+    rng = np.random.default_rng(seed)
+    p, _ = surface_points(targets[name], 12, rng)
+    readings = tanteo.Readings.from_columns(p + 2e-3 * rng.normal(size=p.shape), sds=np.full(len(p), 2e-3))
+    answer = tanteo.identify(readings, [one.part for one in targets.values()], conventions=False)
+    assert answer.unknown_probability < 0.1
+    assert answer.hypotheses[0].part == name

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import erfc
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray,
 from tanteo.parts import Part
 from tanteo.posterior.details import Details
 from tanteo.posterior.labels import ANGLES, SMALLEST, Facets
-from tanteo.posterior.outliers import JEFFREYS
+from tanteo.posterior.outliers import JEFFREYS, LEAST_RATE
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.settings import DEFAULTS, Settings
 from tanteo.posterior.touched_region import LARGER
@@ -221,7 +222,10 @@ def shared_planes(
         own = _Box.of(at, s, problem, free, flat, _SAME * part.diagonal, T)
         if own is not None:
             log, displaced = own.log_densities(problem, zs[s])
-            out.append(SharedPlanes(own.planes(T), own.log_places(problem, volume, part) + log, displaced))
+            log += own.log_places(
+                problem, volume, part, float(np.exp(problem.scale_sd * zs[s, -1])) if problem.scale_sd else 1.0
+            )
+            out.append(SharedPlanes(own.planes(T), log, displaced))
     return out
 
 
@@ -328,7 +332,7 @@ class _Box:
         sides = (np.array(outward) @ T[:3, :3].T) @ _GENERIC > 0
         return frozenset(zip(rows, sides.tolist(), strict=True))
 
-    def log_places(self, problem: Problem, volume: float, part: Part) -> float:
+    def log_places(self, problem: Problem, volume: float, part: Part, scale: float) -> float:
         """Return the log density of the places along the planes, and of the planes, over that of readings anywhere.
 
         Places on the bounding box are even over it. The first reading of a plane inside is even over the box. Each
@@ -338,6 +342,7 @@ class _Box:
             problem: measurements and priors.
             volume: volume of the possible centres of an object [m^3].
             part: the part, whose area over that of its bounding box is that of the object.
+            scale: noise scale at the pose of the part.
         """
         share, directed = problem.priors.right_angled, problem.points.directed[self.rows]
         outer, of_planes = np.zeros(len(self.rows), dtype=np.bool_), 0.0
@@ -352,7 +357,7 @@ class _Box:
                 of_planes += log_reach(self.points[own] @ self.frames[k, :, :2], 2 * problem.priors.radius)
                 later[np.flatnonzero(own)[1:]] = True
         single, off = ~outer & ~later & (self.numbers > -2), self.numbers == -2
-        log_sides, sides = self._sides(2 * problem.priors.radius)
+        log_sides, sides = self._sides(2 * problem.priors.radius, scale)
         a, b, c = np.meshgrid(*sides, indexing="ij")
         log_area, log_volume = np.log(a * b + b * c + c * a) + _log_filled(part), np.log(a * b * c)
         even = log_sides[0][:, None, None] + log_sides[1][:, None] + log_sides[2]
@@ -369,10 +374,15 @@ class _Box:
         )
         return float(log - anywhere)
 
-    def _sides(self, longest: float) -> tuple[list[FloatArray], list[FloatArray]]:
+    def _sides(self, longest: float, scale: float) -> tuple[list[FloatArray], list[FloatArray]]:
         """Return log weights and lengths of the sides of the box along each axis, which are even up to the longest one.
 
-        A plane at an end fixes this end. If there is none, the box may be anywhere about the readings.
+        A plane at an end fixes this end. If there is none, the box may be anywhere about the readings. Between two
+        fixed ends, places of other readings are even over the side, with their noise.
+
+        Args:
+            longest: longest side [m].
+            scale: noise scale of the readings.
         """
         logs, sides = [], []
         for axis in range(3):
@@ -381,8 +391,13 @@ class _Box:
             on = self.numbers > -2
             low, high = along[on].min(), along[on].max()
             if upper.any() and lower.any():
-                logs.append(np.array([-np.log(longest)]))
-                sides.append(np.array([max(along[upper].mean() - along[lower].mean(), SMALLEST * longest)]))
+                side = max(along[upper].mean() - along[lower].mean(), SMALLEST * longest)
+                others = on & ~upper & ~lower
+                beyond = np.abs(along[others] - (along[upper].mean() + along[lower].mean()) / 2) - side / 2
+                sds = np.sqrt(2) / self.per_sd[others] / max(scale, 1.0)  # no more than the stated noise
+                within = _erfc(beyond / sds) - _erfc((beyond + side) / sds)
+                logs.append(np.array([np.log(np.maximum(within / 2, LEAST_RATE)).sum() - np.log(longest)]))
+                sides.append(np.array([side]))
                 continue
             shortest = max(high - low, SMALLEST * longest)
             most = max(longest, LARGER * shortest)
@@ -553,6 +568,11 @@ def _axes(normals: Vectors, counts: IntArray) -> Rotations:
         if agree > most:
             best, most = frame, agree
     return np.asarray(best)
+
+
+def _erfc(x: FloatArray) -> FloatArray:
+    """Return the complementary error function of each value ``(n,)``."""
+    return np.array([erfc(value) for value in x.tolist()])
 
 
 def log_covered(count: int) -> float:
