@@ -291,11 +291,10 @@ class Sampler:
             Covariances ``(C, 6, 6)`` and bends ``(C, 6, 6, 6)``.
         """
 
-        def log_at(rows: IntArray, bends: FloatArray) -> Callable[[FloatArray], FloatArray]:
+        def log_at(bases: Peaks, slopes: FloatArray, bends: FloatArray) -> Callable[[IntArray, FloatArray], FloatArray]:
             """Return log densities at the noise scale of the bases: integrated over it, they have a cusp there."""
 
-            def log(x: FloatArray) -> FloatArray:
-                which, x = np.repeat(rows, x.shape[1]), np.ascontiguousarray(x.reshape(-1, 6))
+            def log(which: IntArray, x: FloatArray) -> FloatArray:
                 zs = np.ascontiguousarray(self._regressed(bases, slopes, which, x))
                 there = self._placed(bases, which, _bent(bends, which, x))
                 shape = self.objective.prepared.shape
@@ -304,14 +303,14 @@ class Sampler:
             return log
 
         own, bends = self.objective.problem.settings, np.zeros((len(bases), 6, 6, 6))
-        straight = narrowed(axes, log_at(np.arange(len(bases)), bends), own)
+        straight = narrowed(axes, log_at(bases, slopes, bends), own)
         covariances, shorter = straight.covariances, straight.widths < axes.widths
         short = np.logical_and(shorter.any(axis=1), True if bent is None else bent)
         rows = np.flatnonzero(short)
         if len(rows):
-            axes, straight = axes.take(short), straight.take(short)
-            bends[rows] = self._bends(bases.take(rows), slopes[rows], straight, shorter[rows])
-            longer = narrowed(axes, log_at(rows, bends), own)
+            axes, straight, bases, slopes = axes.take(short), straight.take(short), bases.take(rows), slopes[rows]
+            bends[rows] = self._bends(bases, slopes, straight, shorter[rows])
+            longer = narrowed(axes, log_at(bases, slopes, bends[rows]), own)
             better = np.log(longer.widths).sum(axis=1) > np.log(straight.widths).sum(axis=1)
             covariances[rows[better]], bends[rows[~better]] = longer.take(better).covariances, 0.0
         return covariances, bends
@@ -333,17 +332,22 @@ class Sampler:
         steps = axes.scaled  # rows are one width along each axis
         first, second = np.triu_indices(6)
         u = np.where((first == second)[:, None], steps[:, first], steps[:, first] + steps[:, second])
-        u = np.concatenate([u, -u, np.zeros((len(bases), 1, 6))], axis=1)
-        which, x = np.repeat(np.arange(len(bases)), u.shape[1]), np.ascontiguousarray(u.reshape(-1, 6))
+        pairs = wide[:, first] & wide[:, second]
+        at, pair = np.nonzero(pairs)
+        which = np.concatenate([at, at, some := np.flatnonzero(wide.any(axis=1))])
+        x = np.concatenate([u[pairs], -u[pairs], np.zeros((len(some), 6))])
         zs = np.ascontiguousarray(self._regressed(bases, states, which, x))
         there = self._placed(bases, which, x)
-        slopes = _core.slopes(objective.prepared.shape, objective.core, there, zs)[1].reshape(*u.shape[:2], -1)
+        slopes = np.asarray(_core.slopes(objective.prepared.shape, objective.core, there, zs)[1])
+        K = slopes.shape[1]
+        base, sums = np.zeros((len(bases), K)), np.zeros((*pairs.shape, K))
+        base[some] = slopes[2 * len(at) :]
+        sums[at, pair] = slopes[: len(at)] + slopes[len(at) : 2 * len(at)] - 2 * base[at]
         full = objective.regular(bases.information)
-        gradients = slopes[:, :-1].reshape(len(bases), 2, len(first), -1).sum(axis=1) - 2 * slopes[:, -1:]
-        others = np.linalg.solve(full[:, 6:, 6:], np.swapaxes(gradients[..., 6:], 1, 2))
-        gradients = gradients[..., :6] - np.swapaxes(full[:, :6, 6:] @ others, 1, 2)
+        others = np.linalg.solve(full[:, 6:, 6:], np.swapaxes(sums[..., 6:], 1, 2))
+        gradients = sums[..., :6] - np.swapaxes(full[:, :6, 6:] @ others, 1, 2)
         out, H = np.zeros((len(bases), 6, 6, 6)), objective.of_pose(bases.information)
-        for k in np.flatnonzero(wide.any(axis=1)):
+        for k in some:
             narrow = axes.vectors[k][:, ~wide[k]] * axes.size[:, None]
             off = 0.5 * gradients[k] @ narrow @ np.linalg.inv(narrow.T @ H[k] @ narrow) @ narrow.T
             form = np.zeros((6, 6, 6))

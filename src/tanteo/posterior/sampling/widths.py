@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.geometry.typing import BoolArray, Covariances, FloatArray
-from tanteo.posterior.settings import Settings
+from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray
+from tanteo.posterior.settings import POSE_DOF, Settings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,26 +46,37 @@ class Axes:
         return np.asarray(np.swapaxes(self.scaled, 1, 2) @ self.scaled)
 
 
-def narrowed(axes: Axes, log_at: Callable[[FloatArray], FloatArray], own: Settings) -> Axes:
+def narrowed(axes: Axes, log_at: Callable[[IntArray, FloatArray], FloatArray], own: Settings) -> Axes:
     """Return the axes with smaller widths where the density falls off earlier.
 
     Where it does so along an axis, the ridge may be bent, and the widths hold also between the widest two axes.
 
     Args:
         axes: axes of densities about maxima.
-        log_at: function that returns the log density after motions from the maxima ``(m, k, 6)``.
+        log_at: function that returns the log density after motions ``(N, 6)`` from some of the maxima ``(N,)``.
         own: settings of the inference.
     """
     count, fall, first = len(axes.widths), 0.5 * own.search.notable_sds**2, axes.widths
-    top = log_at(np.zeros((count, 1, 6))).reshape(-1, 1)
+    top = log_at(np.arange(count), np.zeros((count, 6)))
+
+    def falls(rows: IntArray, steps: FloatArray, by: float) -> BoolArray:
+        """Return whether the density falls by more than a limit after steps and after their opposites ``(N,)``."""
+        least = top[rows] - by
+        low = log_at(rows, steps) < least
+        low[low] = log_at(rows[low], -steps[low]) < least[low]
+        return low
+
+    changed = np.ones((count, POSE_DOF), dtype=bool)
     for _ in range(np.finfo(np.float64).nmant):
-        second, widest = axes.scaled[:, 4:5], axes.scaled[:, 5:]
-        steps = np.concatenate([axes.scaled, widest + second, widest - second], axis=1)
-        there = log_at(np.concatenate([steps, -steps], axis=1)).reshape(count, 2, 8).max(axis=1)
-        steep = there[:, :6] < top - fall
-        between = (there[:, 6:] < top - 2 * fall).any(axis=1) & ~steep.any(axis=1) & (axes.widths < first).any(axis=1)
-        steep[:, 4:] |= between[:, None]
-        axes = replace(axes, widths=np.where(steep, 0.5 * axes.widths, axes.widths))
+        rows, which = np.nonzero(changed)
+        steep = np.zeros_like(changed)
+        steep[rows, which] = falls(rows, axes.scaled[rows, which], fall)
+        calm = changed.any(axis=1) & ~steep.any(axis=1) & (axes.widths < first).any(axis=1)
+        rows = np.flatnonzero(calm)
+        second, widest = axes.scaled[rows, 4], axes.scaled[rows, 5]
+        between = falls(np.tile(rows, 2), np.concatenate([widest + second, widest - second]), 2 * fall)
+        steep[rows, 4:] = between.reshape(2, -1).any(axis=0)[:, None]
+        axes, changed = replace(axes, widths=np.where(steep, 0.5 * axes.widths, axes.widths)), steep
         if not steep.any():
             break
     return axes
