@@ -141,8 +141,8 @@ def _without_valleys(sampler: Sampler, rows: IntArray, regions: Sequence[IntArra
     A valley is outside of the 95 % region of the lower maximum if that were normal. Highest paths unite first, so a
     maximum beside a pass is part of one side and does not unite both (persistence of maxima: Chazal, Guibas, Oudot and
     Skraba 2013). A round face of facets has a maximum on each facet, but turns about it are one region. If there are
-    enough measurements for a pose, the paths between probable maxima follow ridges that are bent; samples in common do
-    not unite maxima there, since their components are wide.
+    enough measurements for a pose, paths follow ridges that are bent: the shortest one between the probable maxima of
+    each two regions. Samples in common do not unite maxima there, since their components are wide.
 
     Args:
         sampler: samples of the part.
@@ -183,6 +183,8 @@ def _without_valleys(sampler: Sampler, rows: IntArray, regions: Sequence[IntArra
         masses, _ = sampler.masses()
         left = np.flatnonzero(np.minimum(masses[first], masses[second]) > mass)
         left = left[np.argsort(straight.take(left).length(), kind="stable")]
+        sides = np.sort(np.stack([region[first[left]], region[second[left]]], axis=1), axis=1)
+        left = left[np.sort(np.unique(sides, axis=0, return_index=True)[1])]
         while len(left := left[region[first[left]] != region[second[left]]]):
             pairs = np.stack([region[first[left]], region[second[left]]])
             shortest = np.zeros(len(left), dtype=bool)  # of each region: most pairs are then in one, and need no path

@@ -25,6 +25,9 @@ VALLEY = 0.5 * chi2_quantile(1 - NOTABLE, POSE_DOF)
 _REFINEMENTS = 3
 """Numerical: number of times that the steps of a path are halved; a bend then falls the density by 4^6 times less."""
 
+_GAIN = 0.01
+"""Numerical: gain of the log density that a Newton step must promise; a valley is 6 deep [nats]."""
+
 _STEPS = 8
 """Numerical: Newton steps of a point of the path to its ridge."""
 
@@ -86,25 +89,32 @@ class Paths:
         Ts, zs = self.Ts.copy(), self.zs.copy()
         at, damping = np.ascontiguousarray(Ts[:, 1:-1].reshape(-1, 4, 4)), np.full(P * (Ts.shape[1] - 2), 1e-3)
         log, others = self._integrated(at, zs[:, 1:-1].reshape(len(at), D))
+        diagonal, active = np.arange(POSE_DOF - 1), np.arange(len(at))
         for _ in range(_STEPS):
             Ts[:, 1:-1] = at.reshape(P, -1, 4, 4)
             chord = self._motions(Ts[:, 1:-1], Ts[:, 2:]) - self._motions(Ts[:, 1:-1], Ts[:, :-2])
-            chord = chord.reshape(-1, 6) / unit
+            chord = chord.reshape(-1, 6)[active] / unit
             length = np.linalg.norm(chord, axis=1).clip(1e-300)
             across = unit[:, None] * _complement(chord / length[:, None])
-            _, gradient, information = _core.slopes(shape, objective.core, at, others)
+            _, gradient, information = _core.slopes(shape, objective.core, at[active], others[active])
             back = np.swapaxes(across, 1, 2)
-            H = back @ objective.of_pose(information) @ across
-            diagonal = np.arange(POSE_DOF - 1)
-            H[:, diagonal, diagonal] *= 1 + damping[:, None]
-            step = np.linalg.solve(H, back @ gradient[:, :POSE_DOF, None])[..., 0]
+            H, pull = back @ objective.of_pose(information) @ across, back @ gradient[:, :POSE_DOF, None]
+            H[:, diagonal, diagonal] *= 1 + damping[active, None]
+            step = np.linalg.solve(H, pull)[..., 0]
+            gain = 0.5 * np.abs(np.sum(step * pull[..., 0], axis=1))
             far = np.linalg.norm(step, axis=1) / (0.25 * length)
             x = (across @ (step / np.maximum(far, 1.0)[:, None])[..., None])[..., 0]
-            moved = _core.place(at, np.ascontiguousarray(x), shape.centre)
-            there, followed = self._integrated(moved, others)
-            better = there > log
-            at, others = np.where(better[:, None, None], moved, at), np.where(better[:, None], followed, others)
-            log, damping = np.maximum(there, log), np.where(better, 0.1 * damping, 10 * damping)
+            moving = gain > _GAIN
+            active, x = active[moving], x[moving]
+            if not len(active):
+                break
+            moved = _core.place(at[active], x, shape.centre)
+            there, followed = self._integrated(moved, others[active])
+            better = there > log[active]
+            at[active] = np.where(better[:, None, None], moved, at[active])
+            others[active] = np.where(better[:, None], followed, others[active])
+            log[active] = np.maximum(there, log[active])
+            damping[active] *= np.where(better, 0.1, 10.0)
         Ts[:, 1:-1], zs[:, 1:-1] = at.reshape(P, -1, 4, 4), others.reshape(P, Ts.shape[1] - 2, D)
         return Paths(objective, Ts, zs)
 

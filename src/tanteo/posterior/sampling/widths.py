@@ -75,7 +75,7 @@ def narrowed(axes: Axes, log_at: Callable[[IntArray, FloatArray], FloatArray], o
         rows = np.flatnonzero(calm)
         second, widest = axes.scaled[rows, 4], axes.scaled[rows, 5]
         between = falls(np.tile(rows, 2), np.concatenate([widest + second, widest - second]), 2 * fall)
-        steep[rows, 4:] = between.reshape(2, -1).any(axis=0)[:, None]
+        steep[rows, 4:] = np.any(between.reshape(2, -1), axis=0, keepdims=True).T
         axes, changed = replace(axes, widths=np.where(steep, 0.5 * axes.widths, axes.widths)), steep
         if not steep.any():
             break
