@@ -141,8 +141,9 @@ def _without_valleys(sampler: Sampler, rows: IntArray, regions: Sequence[IntArra
     A valley is outside of the 95 % region of the lower maximum if that were normal. Highest paths unite first, so a
     maximum beside a pass is part of one side and does not unite both (persistence of maxima: Chazal, Guibas, Oudot and
     Skraba 2013). A round face of facets has a maximum on each facet, but turns about it are one region. If there are
-    enough measurements for a pose, paths follow ridges that are bent: the shortest one between the probable maxima of
-    each two regions. Samples in common do not unite maxima there, since their components are wide.
+    enough measurements for a pose, paths follow ridges that are bent: of each two regions the shortest path between
+    probable maxima, and that between the most probable ones. Samples in common do not unite maxima there, since their
+    components are wide.
 
     Args:
         sampler: samples of the part.
@@ -184,7 +185,9 @@ def _without_valleys(sampler: Sampler, rows: IntArray, regions: Sequence[IntArra
         left = np.flatnonzero(np.minimum(masses[first], masses[second]) > mass)
         left = left[np.argsort(straight.take(left).length(), kind="stable")]
         sides = np.sort(np.stack([region[first[left]], region[second[left]]], axis=1), axis=1)
-        left = left[np.sort(np.unique(sides, axis=0, return_index=True)[1])]
+        best = np.argsort(-np.minimum(masses[first[left]], masses[second[left]]), kind="stable")
+        ranks = [np.unique(one, axis=0, return_index=True)[1] for one in (sides, sides[best])]
+        left = left[np.unique(np.concatenate([ranks[0], best[ranks[1]]]))]
         while len(left := left[region[first[left]] != region[second[left]]]):
             pairs = np.stack([region[first[left]], region[second[left]]])
             shortest = np.zeros(len(left), dtype=bool)  # of each region: most pairs are then in one, and need no path
