@@ -29,7 +29,8 @@ class Axes:
     def of(cls, covariances: Covariances, size: FloatArray) -> Axes:
         """Return the axes of covariances ``(m, 6, 6)`` [m, rad], with coordinates over the units ``size``."""
         values, vectors = np.linalg.eigh(covariances / (size[:, None] * size))
-        return cls(np.sqrt(values.clip(0)), vectors, size)
+        least = np.finfo(float).eps * values[:, -1:]  # rounding of the smallest values
+        return cls(np.sqrt(np.maximum(values, least)), vectors, size)
 
     def take(self, rows: BoolArray) -> Axes:
         """Return the axes of some densities."""
