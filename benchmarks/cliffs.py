@@ -32,7 +32,6 @@ from tanteo.geometry import SE3, SO3
 from tanteo.parts import Surface, round_features
 from tanteo.posterior import DEFAULTS
 from tanteo.posterior import Table as TablePrior
-from tanteo.sensors.noise import cone_rays
 
 ROOT = Path(__file__).resolve().parents[1]
 DEMO = ROOT / "src" / "tanteo" / "bench" / "demo" / "parts"
@@ -141,28 +140,32 @@ def bracket():
 
 
 def zones(frames):
-    """Return a function that locates a bracket on a table by frames of an 8 x 8 sensor, simulated along cones."""
+    """Return a function that locates a bracket on a table by frames of an 8 x 8 sensor, whose zones report means."""
 
     def located(k):
         part, surface, rig, on_table = bracket()
         rng, ranges, names, hands = np.random.default_rng((k, frames)), [], [], []
         truth = SE3.from_parts(SO3.exp(np.array([0, 0, rng.uniform(-3, 3)])), np.array([0.4, 0.2, 0.0]))
-        middle = SE3.apply(truth, part.centroid)
+        middle, steps = SE3.apply(truth, part.centroid), (np.arange(14) + 0.5) / 7 - 1
         for _ in range(frames):
             turn = rng.uniform(0, 2 * np.pi)
             place = middle + np.array([0.12 * np.cos(turn), 0.12 * np.sin(turn), 0.23])
             hand = SE3.from_parts(SO3.frame_from_axis(middle - place, 2), place)
             for sensor in rig.sensors:
                 T = hand @ sensor.T_hand_sensor
-                rays = cone_rays(sensor.beam_half_angle, 200) @ T[:3, :3].T
+                across, up = sensor.half_axes
+                rays = (np.array([0, 0, 1]) + steps[:, None, None] * across + steps[:, None] * up).reshape(-1, 3)
+                rays = rays / np.linalg.norm(rays, axis=1, keepdims=True) @ T[:3, :3].T
                 hits = surface.cast((T[:3, 3] - truth[:3, 3]) @ truth[:3, :3], rays @ truth[:3, :3])
                 normals = surface.normals[np.maximum(hits.triangles, 0)] @ truth[:3, :3].T
                 table = np.where(rays[:, 2] < 0, -T[2, 3] / np.minimum(rays[:, 2], -1e-9), np.inf)
                 cosines = np.where(hits.distances < table, -np.sum(normals * rays, axis=1), -rays[:, 2])
-                some = cosines > np.cos(sensor.preset.max_incidence)
-                nearest = np.minimum(hits.distances, table)[some].min(initial=np.inf)
-                if np.isfinite(nearest):
-                    ranges.append((nearest + 1.5e-3 * rng.normal()) * sensor.axis_cosine)
+                distances = np.minimum(hits.distances, table)
+                some = np.isfinite(distances) & (cosines > 0)
+                if some.any():
+                    signal = cosines[some] / distances[some] ** 2
+                    r = signal @ distances[some] / signal.sum()
+                    ranges.append((r + 1.5e-3 * rng.normal()) * sensor.axis_cosine)
                     names.append(sensor.name)
                     hands.append(hand)
         readings = tanteo.Readings.from_columns(ranges=ranges, sensors=names, Ts_world_hand=np.array(hands))

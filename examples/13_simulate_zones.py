@@ -1,6 +1,6 @@
 """Simulate an 8 x 8 time-of-flight sensor over a part on a table, and find the part.
 
-Each zone reports the nearest point in its cone that faces it, of the part or of the table.
+Each zone reports the mean of what returns in its square, of the part and of the table, weighted by the signal.
 Replace the ranges by those of your device.
 
     python examples/13_simulate_zones.py
@@ -15,7 +15,6 @@ from tanteo.geometry import SE3, SO3
 from tanteo.parts import Surface
 from tanteo.posterior import Table
 from tanteo.sensors import Readings
-from tanteo.sensors.noise import cone_rays
 
 HERE, rng = Path(__file__).parent, np.random.default_rng(0)
 part = tanteo.read_part(HERE / "parts" / "bracket_left.step")
@@ -23,18 +22,24 @@ rig = tanteo.read_rig(HERE / "readings" / "zones_rig.toml")
 surface = Surface(part.vertices, part.triangles)
 truth = SE3.from_parts(SO3.exp(np.array([0, 0, 0.7])), np.array([0.4, 0.2, 0.0]))
 ranges, names, hands = [], [], []
+steps = (np.arange(14) + 0.5) / 7 - 1  # of the rays that fill a zone, over its half axes
 middle = SE3.apply(truth, part.centroid)
 for place in ([0.3, 0.15, 0.25], [0.5, 0.25, 0.25], [0.42, 0.1, 0.28]):
     hand = SE3.from_parts(SO3.frame_from_axis(middle - place, 2), np.array(place))
     for sensor in rig.sensors:
         T = hand @ sensor.T_hand_sensor
-        rays = cone_rays(sensor.beam_half_angle, 200) @ T[:3, :3].T
+        across, up = sensor.half_axes
+        local = (np.array([0, 0, 1]) + steps[:, None, None] * across + steps[:, None] * up).reshape(-1, 3)
+        rays = local / np.linalg.norm(local, axis=1, keepdims=True) @ T[:3, :3].T
         hits = surface.cast((T[:3, 3] - truth[:3, 3]) @ truth[:3, :3], rays @ truth[:3, :3])
         cosines = -np.sum(surface.normals[np.maximum(hits.triangles, 0)] @ truth[:3, :3].T * rays, axis=1)
         table = np.where(rays[:, 2] < 0, -T[2, 3] / np.minimum(rays[:, 2], -1e-9), np.inf)
         cosines = np.where(hits.distances < table, cosines, -rays[:, 2])
-        answered = cosines > np.cos(sensor.preset.max_incidence)
-        if np.isfinite(r := np.minimum(hits.distances, table)[answered].min(initial=np.inf)):
+        distances = np.minimum(hits.distances, table)
+        echo = np.isfinite(distances) & (cosines > 0)
+        if echo.any():
+            signal = cosines[echo] / distances[echo] ** 2
+            r = signal @ distances[echo] / signal.sum()
             ranges.append((r + 1.5e-3 * rng.normal()) * sensor.axis_cosine)
             names.append(sensor.name)
             hands.append(hand)
