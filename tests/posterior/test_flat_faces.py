@@ -203,3 +203,16 @@ def test_no_object_smaller_than_the_noise_explains_readings(name, seed):
     answer = tanteo.identify(readings, [one.part for one in targets.values()], conventions=False)
     assert answer.unknown_probability < 0.1
     assert answer.hypotheses[0].part == name
+
+
+@pytest.mark.parametrize("seed", [0, 7])
+def test_noise_known_to_a_factor_of_ten_is_answered(seed):
+    """The information of readings and of the priors differs by more than numbers have digits."""
+    target, rng = prepare(tanteo.read_part(EXAMPLES / "t_slot.step")), np.random.default_rng(seed)
+    p, _ = surface_points(target, 8, rng)
+    p, directions = p + 4e-4 * rng.normal(size=p.shape), rng.normal(size=p.shape)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    readings = tanteo.Readings.from_columns(p, sds=np.full(len(p), 4e-4), directions=directions)
+    priors = Priors(noise_factor=10.0, outlier_rate=0.9, unknown=0.5)
+    answer = tanteo.identify(readings, [target.part], priors=priors, conventions=False)
+    assert 0 < answer.unknown_probability < 1

@@ -53,6 +53,9 @@ _LEAST_LEFT = 1e-3
 _WITHIN = 32
 """Numerical: places between two nodes of that integral at which the parabola is summed."""
 
+_ROUNDING = 1e-12
+"""Numerical: relative information that every state has beside that of readings and prior; above rounding."""
+
 _OF_CORNERS = 5 / 3
 """Definition: mean variance over a rectangle that is displaced and tilted about two axes, which move the
 middles of its sides by one standard deviation each [1]."""
@@ -497,10 +500,13 @@ def _log_linear(
     errors = np.concatenate([np.zeros(J.shape[1] - E), errors])
     H = (J.T / variances[:, None, :]) @ J
     H[:, range(len(errors)), range(len(errors))] += prior
-    pull = (r / variances) @ J - errors
+    unit = np.sqrt(np.diagonal(H, axis1=1, axis2=2))
+    H = H / (unit[:, :, None] * unit[:, None]) + _ROUNDING * np.eye(len(errors))
+    pull = ((r / variances) @ J - errors) / unit
     chi2 = (r**2 / variances).sum(axis=1) + errors @ errors
     chi2 -= np.sum(pull * np.linalg.solve(H, pull[..., None])[..., 0], axis=1)
     log = -0.5 * (np.log(variances).sum(axis=1) + np.linalg.slogdet(H)[1] + np.maximum(chi2, 0.0)) - nodes**4 / 16
+    log -= np.log(unit).sum(axis=1)
     log += 0.5 * np.log(prior[:, :displaced]).sum(axis=1)
     constant = 0.5 * (len(errors) - displaced - E - len(r)) * np.log(2 * np.pi)
     return _log_mean(log) + constant - (_LOG_SCALES if len(nodes) > 1 else 0.0)
