@@ -23,7 +23,7 @@ MOST = {
     "checks of a kind in Python": 0,
     "files with checks of a kind in Python": 0,
     "code lines of Python in the judged packages": 13870,
-    "code lines of C++": 12860,
+    "code lines of C++": 12900,
     "exported names": 451,
     "exported names without a user": 0,
     "words of docs": 45810,

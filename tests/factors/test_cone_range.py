@@ -74,6 +74,24 @@ def test_the_density_peaks_at_the_range_of_many_rays(block, response):
         assert abs(tried[np.argmax(logs)] - expected) < slack
 
 
+def test_all_widths_of_lanes_see_the_same_triangles(block):
+    rng = np.random.default_rng(9)
+    sensors = [looking(rng, block.part) for _ in range(6)]
+    ranges = [rays_of(block, sensor, 400).min() + 0.01 for sensor in sensors]
+    problem, core = problem_of(block, "mean", sensors, ranges)
+    Ts = SE3.exp(rng.normal(size=(40, 6)) * np.repeat([0.01, 0.1], 3))
+    widths, found = _core.lane_widths(), []
+    try:
+        for width in widths:
+            _core.set_lane_width(width)
+            found.append(_core.log_densities(block.shape, core, Ts, np.zeros((len(Ts), problem.states))))
+    finally:
+        _core.set_lane_width(widths[-1])
+    assert np.ptp(found[0]) > 1
+    for one in found[1:]:
+        np.testing.assert_array_equal(one, found[0])
+
+
 def log_of(block, response, sensor, r):
     problem, core = problem_of(block, response, [sensor], [r])
     return _core.log_densities(block.shape, core, np.eye(4)[None], np.zeros((1, problem.states)))[0]

@@ -266,13 +266,14 @@ Seen::Seen(const Shape& shape, const std::vector<int>& triangles, const Vec3& or
         one.normal = shape.normals[t];
         one.height = dot(one.normal, origin - shape.vertices[corner[0]]);
         one.depth = (-1 / one.height) * Vec3{dot(one.normal, section.u), dot(one.normal, section.v), dot(one.normal, section.axis)};
-        for (int i = 0; i < 3; ++i) one.near[i] = static_cast<float>(one.depth[i]);
+        for (int i = 0; i < 3; ++i) one.seen.near[i] = static_cast<float>(one.depth[i]);
         for (int k = 0; k < 3; ++k) {
             const Vec3 side = cross(at[k], at[(k + 1) % 3]);
             const double per = 1 / std::max(std::fabs(side.x) + std::fabs(side.y) + std::fabs(side.z), 1e-300);
-            for (int i = 0; i < 3; ++i) one.sides[k][i] = static_cast<float>(per * side[i]);
+            for (int i = 0; i < 3; ++i) one.seen.sides[k][i] = static_cast<float>(per * side[i]);
         }
         one.number = t;
+        one.seen.number = static_cast<int>(all.size());
         if (!all.empty() && (shape.faces[t] != shape.faces[all[0].number] || dot(one.normal, all[0].normal) < 1 - 1e-12 ||
                              std::fabs(one.height - all[0].height) > 1e-9 * all[0].height))
             one_plane = false;
@@ -284,31 +285,20 @@ void Seen::cast(const RayPattern& pattern, bool whole, std::vector<RayHit>& hits
     hits.clear();
     if (all.empty()) return;
     // in single precision: an error of 1e-7 changes the triangle of a ray on its side only, as the depth is computed again
-    float nearest[RayPattern::MOST], x[RayPattern::MOST], y[RayPattern::MOST];  // nearest: one over the depth
-    int who[RayPattern::MOST];                                                  // number of the triangle
-    std::fill_n(nearest, pattern.count, 0.f);
-    std::fill_n(who, pattern.count, -1);
+    constexpr int SIZE = RayPattern::MOST + 2 * static_cast<int>(WIDEST_LANES);
+    float nearest[SIZE] = {}, x[SIZE] = {}, y[SIZE] = {};
+    int who[SIZE];
+    std::fill_n(who, SIZE, -1);
     const auto [middle, half] = filled(0, whole);
     const auto [centre, height] = filled(1, whole);
     for (int k = 0; k < pattern.count; ++k) {
         x[k] = static_cast<float>(middle + half * pattern.x[k]);
         y[k] = static_cast<float>(centre + height * pattern.y[k]);
     }
-    for (size_t t = 0; t < all.size(); ++t) {
-        // the outer side is towards the origin, so that the corners turn clockwise about the ray
-        const Triangle& one = all[t];
-        const std::array<float, 3> a = one.sides[0], b = one.sides[1], c = one.sides[2], d = one.near;
-        const int number = static_cast<int>(t);
-        const int end = pattern.end_at((one.most - middle) / half);
-        for (int k = pattern.first_from((one.least - middle) / half); k < end; ++k) {
-            const float first = a[2] + a[0] * x[k] + a[1] * y[k], second = b[2] + b[0] * x[k] + b[1] * y[k];
-            const float third = c[2] + c[0] * x[k] + c[1] * y[k], depth = d[2] + d[0] * x[k] + d[1] * y[k];
-            const float before = nearest[k];
-            const int known = who[k], hit = (first <= 0) & (second <= 0) & (third <= 0) & (depth > before);
-            nearest[k] = hit ? depth : before;  // no branches, so that compilers make vectors of it
-            who[k] = hit ? number : known;
-        }
-    }
+    const auto cover = lane_kernels().cover;
+    for (const Triangle& one : all)  // the outer side is towards the origin, so that the corners turn clockwise about the ray
+        cover({x, y, nearest, who}, pattern.first_from((one.least - middle) / half),
+              pattern.end_at((one.most - middle) / half), one.seen);
     for (int k = 0; k < pattern.count; ++k) {
         if (who[k] < 0 || (section.round ? x[k] * x[k] + y[k] * y[k] : std::max(std::fabs(x[k]), std::fabs(y[k]))) > 1) continue;
         const Triangle& one = all[who[k]];

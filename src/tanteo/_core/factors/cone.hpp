@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "lanes/lane_kernels.hpp"
 #include "shape/shape.hpp"
 #include "vec.hpp"
 
@@ -97,7 +98,7 @@ class Seen {
   private:
     struct Triangle {
         Vec3 normal, depth;            // depth: coefficients of x, y and 1
-        std::array<float, 3> sides[3], near;  // the same of the sides and the depth, for the comparison of triangles
+        SeenTriangle seen;             // sides and depth, for the comparison of triangles
         double height;                 // of the origin over its plane
         double least, most;            // bounds of x
         int number;

@@ -21,10 +21,25 @@ struct EdgeArrays {
     double *ends;   // density at the last end less that at the first one
 };
 
+// Rays from one origin through places (x, y) of a plane: one over the depth of the nearest triangle, and its number. The
+// arrays have WIDEST_LANES * 2 elements more than rays.
+struct RayArrays {
+    const float *x, *y;
+    float* nearest;
+    int* who;
+};
+
+// A triangle seen from there: coefficients of x, y and 1 of its sides, negative inside, and of one over its depth.
+struct SeenTriangle {
+    float sides[3][3], near[3];
+    int number;
+};
+
 struct LaneKernels {
     int width;
     void (*exponentials)(double* x, size_t count);
     void (*edges[EDGE_KINDS])(const EdgeArrays& edges, size_t count, bool with_slope);  // wedges alone without the slope
+    void (*cover)(const RayArrays& rays, int first, int end, const SeenTriangle& triangle);
 };
 
 // The kernels in use: the widest that the processor has, unless another width was set. Results do not depend on it.

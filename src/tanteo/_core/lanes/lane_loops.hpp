@@ -128,8 +128,51 @@ void edges_with_two_ends(const EdgeArrays& edges, size_t count, bool with_slope)
     }
 }
 
+#if LANES == 1
+using F = float;
+using I = int;
+constexpr int FLOATS = 1;
+inline float chosen_of(int chosen, float a, float b) { return chosen ? a : b; }
+inline int chosen_of(int chosen, int a, int b) { return chosen ? a : b; }
+#else
+typedef float F __attribute__((vector_size(8 * LANES)));
+typedef int I __attribute__((vector_size(8 * LANES)));
+constexpr int FLOATS = 2 * LANES;
+const int INDICES[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+template <class T>
+inline T chosen_of(const I& chosen, const T& a, const T& b) {
+    return select(chosen, a, b);
+}
+#endif
+
+template <class T, class Number>
+inline T load_many(const Number* from) {
+    T v;
+    std::memcpy(&v, from, sizeof v);
+    return v;
+}
+
+// Sets the triangle where it is nearer than those before, for the rays from `first` to `end`.
+void cover(const RayArrays& rays, int first, int end, const SeenTriangle& triangle) {
+    const auto &a = triangle.sides[0], &b = triangle.sides[1], &c = triangle.sides[2], &d = triangle.near;
+    for (int k = first; k < end; k += FLOATS) {
+        const F x = load_many<F>(rays.x + k), y = load_many<F>(rays.y + k), before = load_many<F>(rays.nearest + k);
+        const I known = load_many<I>(rays.who + k);
+        const F depth = d[2] + d[0] * x + d[1] * y;
+        I hit = (a[2] + a[0] * x + a[1] * y <= 0) & (b[2] + b[0] * x + b[1] * y <= 0) & (c[2] + c[0] * x + c[1] * y <= 0) &
+                (depth > before);
+#if LANES > 1
+        hit &= load_many<I>(INDICES) < end - k;
+#endif
+        const F nearest = chosen_of(hit, depth, before);
+        const I who = chosen_of(hit, I{} + triangle.number, known);
+        std::memcpy(rays.nearest + k, &nearest, sizeof nearest);
+        std::memcpy(rays.who + k, &who, sizeof who);
+    }
+}
+
 constexpr LaneKernels KERNELS{
-    LANES, exponentials, {tiny_edges, short_edges, whole_edges, edges_with_one_end, edges_with_two_ends}};
+    LANES, exponentials, {tiny_edges, short_edges, whole_edges, edges_with_one_end, edges_with_two_ends}, cover};
 
 }  // namespace
 }  // namespace tanteo
