@@ -172,7 +172,7 @@ def unstated_moves(points: ContactPoints, one: GoodnessOfFit, errors: Sequence[U
     A += _positive(J.T @ J - A)
     inverse, B, b = _inverse(A), J.T @ G, J.T @ residuals
     models = _Models(
-        G.T @ G - B.T @ inverse @ B,
+        _positive(G.T @ G - B.T @ inverse @ B),  # by rounding it may be indefinite
         G.T @ residuals - B.T @ inverse @ b,
         float(residuals @ residuals - b @ inverse @ b),
         max(scale.noise_dof + one.states_from_priors(np.zeros((0, 6))), 0.0),
