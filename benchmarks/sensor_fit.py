@@ -1,18 +1,24 @@
-"""Calibration of NEES by the number of places: ``python benchmarks/sensor_fit.py [logs]``."""
+"""Calibration of NEES by the number of places: ``python benchmarks/sensor_fit.py [logs]``.
+
+``python benchmarks/sensor_fit.py zones 50 SEED`` fits devices of 1 to 64 zones over one plane instead.
+"""
 
 from __future__ import annotations
 
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from common import Table
 
-from plane_scenes import joined, random_hands, simulated_log
+import tanteo
+from plane_scenes import ZONES, joined, random_hands, simulated_log, zones_log
 from tanteo.geometry import SE3, SO3
 from tanteo.sensors import calibrate
 from tanteo.sensors.calibration import plane_angle
@@ -53,6 +59,40 @@ def one_log(seed, places, saturated):
     return e @ np.linalg.solve(beam.cov, e) / 7, inside, len(named & truth), len(truth), len(named - truth), seconds
 
 
+def zones(logs, seed):
+    """Print the table of fits of devices with a grid of zones over an unknown plane, z = 0 of the world."""
+    columns = ("zones", "NEES of the plane / 3", "in its 95 % region", "s CPU, mean", "worst")
+    table = Table("Devices with zones", f"{logs} logs each, seed {seed}; 12 places.", columns, [])
+    for side in (1, 3, 4, 8):
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "rig.toml"
+            file.write_text(ZONES.format(n=side))
+            rig = tanteo.read_rig(file)
+        rows = []
+        for k in range(logs):
+            log = zones_log(np.random.default_rng((seed, k)), rig)
+            start = time.process_time()
+            found = calibrate(log, rig=rig)
+            spent = time.process_time() - start
+            plane = found.planes[0]
+            x, y, z = plane.T_world_plane[2, :3]  # the true normal in the fitted frame
+            e = np.array([-y, x, -plane.T_world_plane[2, 3] / z])
+            rows.append((e @ np.linalg.solve(plane.cov, e), spent))
+        squares, spent = np.array(rows).T
+        inside = np.mean(squares < chi2.ppf(0.95, 3))
+        spread = np.std(squares / 3) / np.sqrt(logs)
+        table.rows.append(
+            (
+                str(side**2),
+                f"{squares.mean() / 3:.2f} +- {spread:.2f}",
+                f"{100 * inside:.0f} %",
+                f"{spent.mean():.2f}",
+                f"{spent.max():.1f}",
+            )
+        )
+    print(table.markdown())
+
+
 def main():
     logs = int(sys.argv[1]) if len(sys.argv) > 1 else 60
     columns = (
@@ -77,4 +117,7 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:2] == ["zones"]:
+        zones(int(sys.argv[2]), int(sys.argv[3]))
+    else:
+        main()

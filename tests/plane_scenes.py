@@ -8,6 +8,16 @@ from tanteo.sensors import Readings
 PLACE = (0.6e-3, 0.002, 0.004)
 REPEAT = (0.5e-3, 0.003)
 
+ZONES = """[sensors.tof]
+preset = "tmf8820_zone3x3"
+position_mm = [0, 0, 0]
+quaternion_wxyz = [1, 0, 0, 0]
+zones = [{n}, {n}]
+field_deg = [33, 33]
+mount_sd_mm = 8
+mount_turn_sd_deg = 2
+"""
+
 
 def random_hands(rng, n, plane, T_hand_beam, tilt=0.7, near=0.1, far=0.5):
     """Return hands whose beam hits a plane (z of ``plane`` towards them) at up to ``tilt`` radians off the normal."""
@@ -58,3 +68,22 @@ def joined(*logs):
         kinds=[k for x in logs for k in x.kinds],
         ids=[i for x in logs for i in x.ids],
     )
+
+
+def zones_log(rng, rig, places=12):
+    """Ranges of the plane z = 0, and the height error of a plane that the nominal rig would see."""
+    unit = SE3.exp(rng.normal(size=6) * np.repeat([8e-3, np.radians(2)], 3))
+    offset, scale = 5e-3 * rng.normal(), 0.015 * rng.normal()
+    zone = {s.name: 1.5e-3 * rng.normal() for s in rig.sensors}
+    ranges, sensors, hands = [], [], []
+    for _ in range(places):
+        T = SE3.exp(np.r_[0.4, 0.1, rng.uniform(0.12, 0.35), 0, 0, 0])
+        T = T @ SE3.exp(np.r_[0, 0, 0, np.pi, 0, 0]) @ SE3.exp(np.r_[0, 0, 0, np.radians(5) * rng.normal(size=3)])
+        for s in rig.sensors:
+            beam = T @ s.T_hand_unit @ unit @ SE3.inverse(s.T_hand_unit) @ s.T_hand_sensor
+            d = -beam[2, 3] / beam[2, 2]
+            sd = float(s.preset.law.sigma(d))
+            ranges.append((1 + scale) * d + offset + zone[s.name] + sd * rng.normal())
+            sensors.append(s.name)
+            hands.append(T)
+    return Readings.from_columns(ranges=ranges, sensors=sensors, Ts_world_hand=np.array(hands))

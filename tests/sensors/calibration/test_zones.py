@@ -5,56 +5,28 @@ import pytest
 from scipy.stats import chi2
 
 import tanteo
+from plane_scenes import ZONES, zones_log
 from tanteo.geometry import SE3
 from tanteo.io import read_rig, write_rig
 from tanteo.sensors import Readings, calibrate
 from tanteo.sensors.calibration import calibrated_rig
-
-TABLE = """[sensors.tof]
-preset = "tmf8820_zone3x3"
-position_mm = [0, 0, 0]
-quaternion_wxyz = [1, 0, 0, 0]
-zones = [{n}, {n}]
-field_deg = [33, 33]
-mount_sd_mm = 8
-mount_turn_sd_deg = 2
-"""
 
 
 @pytest.fixture
 def rig_file(tmp_path):
     def of(n):
         path = tmp_path / f"rig{n}.toml"
-        path.write_text(TABLE.format(n=n))
+        path.write_text(ZONES.format(n=n))
         return path
 
     return of
-
-
-def log_of(rng, rig, places=12):
-    """Ranges of the plane z = 0, and the height error of a plane that the nominal rig would see."""
-    unit = SE3.exp(rng.normal(size=6) * np.repeat([8e-3, np.radians(2)], 3))
-    offset, scale = 5e-3 * rng.normal(), 0.015 * rng.normal()
-    zone = {s.name: 1.5e-3 * rng.normal() for s in rig.sensors}
-    ranges, sensors, hands = [], [], []
-    for _ in range(places):
-        T = SE3.exp(np.r_[0.4, 0.1, rng.uniform(0.12, 0.35), 0, 0, 0])
-        T = T @ SE3.exp(np.r_[0, 0, 0, np.pi, 0, 0]) @ SE3.exp(np.r_[0, 0, 0, np.radians(5) * rng.normal(size=3)])
-        for s in rig.sensors:
-            beam = T @ s.T_hand_unit @ unit @ SE3.inverse(s.T_hand_unit) @ s.T_hand_sensor
-            d = -beam[2, 3] / beam[2, 2]
-            sd = float(s.preset.law.sigma(d))
-            ranges.append((1 + scale) * d + offset + zone[s.name] + sd * rng.normal())
-            sensors.append(s.name)
-            hands.append(T)
-    return Readings.from_columns(ranges=ranges, sensors=sensors, Ts_world_hand=np.array(hands))
 
 
 @pytest.mark.parametrize(("n", "seeds"), [(1, 3), *(pytest.param(n, 8, marks=pytest.mark.slow) for n in (1, 3, 5))])
 def test_the_plane_s_height_keeps_the_device_s_offset(rig_file, n, seeds):
     rig, errors = read_rig(rig_file(n)), []
     for seed in range(seeds):
-        found = calibrate(log_of(np.random.default_rng(seed), rig), rig=rig)
+        found = calibrate(zones_log(np.random.default_rng(seed), rig), rig=rig)
         plane = found.planes[0]
         at = np.array([0.4, 0.1, 0.0])
         height = float(plane.T_world_plane[:3, 2] @ (at - plane.T_world_plane[:3, 3]))
@@ -65,7 +37,7 @@ def test_the_plane_s_height_keeps_the_device_s_offset(rig_file, n, seeds):
 
 def test_a_device_is_one_table_and_reads_back(rig_file, tmp_path):
     rig = read_rig(rig_file(3))
-    found = calibrate(log_of(np.random.default_rng(1), rig), rig=rig)
+    found = calibrate(zones_log(np.random.default_rng(1), rig), rig=rig)
     write_rig(calibrated_rig(found, rig=rig), tmp_path / "out.toml")
     text = (tmp_path / "out.toml").read_text()
     assert text.count("[sensors.") == 1
