@@ -53,6 +53,8 @@ def scene(parts, seed):
         columns["directions"] = towards
     elif rng.random() < 0.3:
         columns["normals"], columns["normal_sds"] = towards, np.full(n, 10.0 ** rng.uniform(-6, 0))
+    if rng.random() < 0.3:
+        columns["features"] = [part.faces[k].name for k in rng.integers(len(part.faces), size=n)]
     p = p + rng.choice([0.0, 1.0, 1e3, 1e5]) * np.array([1.0, -2.0, 0.005])
     rates = {
         "unknown": [1e-6, 0.05, 0.5, 0.999],
