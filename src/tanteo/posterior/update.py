@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.defaults import SIGNIFICANCE
+from tanteo.factors.factor import leaf_columns
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.posterior.candidate_pruning import prune
 from tanteo.posterior.details import details_at
@@ -102,7 +103,7 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
     objective, likely = search.objective, sum(mode.probability for mode in modes)
     Ts, zs = _samples(modes, problem, rng)
     if before is not None and likely > own.min_probability:
-        Ts, zs = _with_maxima(Ts, zs, before, part)
+        Ts, zs = _with_maxima(Ts, zs, before, problem, part)
     _take(search, objective.maximize(Ts, zs, fine=True))
     search.trusted = max(modes, key=lambda mode: mode.probability).normal
     if likely > own.min_probability and not search.trusted:
@@ -120,21 +121,39 @@ def _samples(modes: Sequence[Mode], problem: Problem, rng: np.random.Generator) 
         ends = (np.arange(count) + rng.uniform()) / count
         rows = np.searchsorted(np.cumsum(mode.weights), ends).clip(0, len(mode.weights) - 1)
         Ts += [mode.T_peak[None], mode.Ts[np.unique(rows)]]
-        z = mode.z if len(mode.z) == problem.states else np.zeros(problem.states)  # another device has joined
-        zs.append(np.repeat(z[None], 1 + len(np.unique(rows)), axis=0))
+        z = _carried(mode.z[None], mode.objective.problem, problem)
+        zs.append(np.repeat(z, 1 + len(np.unique(rows)), axis=0))
     return np.concatenate(Ts), np.concatenate(zs)
 
 
 def _with_maxima(
-    Ts: Transforms, zs: FloatArray, before: Posterior, part: PreparedPart
+    Ts: Transforms, zs: FloatArray, before: Posterior, problem: Problem, part: PreparedPart
 ) -> tuple[Transforms, FloatArray]:
     """Return these poses and all known maxima of a part, improbable ones included."""
     for search in before.searches:
         if search.objective.prepared is part:
-            own = search.peaks.zs
-            own = own if own.shape[1] == zs.shape[1] else np.zeros((len(own), zs.shape[1]))
+            own = _carried(search.peaks.zs, before.problem, problem)
             return np.concatenate([Ts, search.peaks.Ts]), np.concatenate([zs, own])
     return Ts, zs
+
+
+def _carried(zs: FloatArray, before: Problem, after: Problem) -> FloatArray:
+    """Return states of an earlier problem as states of a later one ``(S, D)``.
+
+    The shared errors of a factor of the pose stay, because several images agree only with the errors of their camera.
+    Those of the points begin at zero if another device has joined.
+    """
+    (old, was), (new, now) = ((p, p.points.shared_jacobian.shape[2]) for p in (before, after))
+    out = np.zeros((len(zs), new.states))
+    if was == now:
+        out[:, :now] = zs[:, :now]
+    columns = leaf_columns(old.pose_factors, was)
+    for one, places in leaf_columns(new.pose_factors, now).items():
+        if one in columns:
+            out[:, places] = zs[:, columns[one]]
+    if old.scale_sd > 0 and new.scale_sd > 0:
+        out[:, -1] = zs[:, -1]
+    return out
 
 
 def _resampled(modes: Sequence[Mode], count: int, rng: np.random.Generator) -> Transforms:

@@ -114,6 +114,25 @@ def test_two_views_and_their_camera_keep_the_part(made):
     assert further.gain < 1  # the pose is within the goal, and no image decides whether all show another object
 
 
+def test_a_first_reading_keeps_the_pose_of_two_views(made):
+    """Its sensor adds errors of its own; the errors of the camera, with which the images agree, stay."""
+    scene, start, *_ = made
+    session, robot, rules = scenes.session_of(scene, start, Stop(tolerance=1e-4, max_measurements=1))
+    eyes = HandCamera(scene, robot, start.targets, start)
+    session.restart(eyes.photograph())
+    view = next_view(
+        session.state, scene.hand, eyes.eye, space_of((scene, start, session, robot, rules)),
+        robot.sensed.T_world_hand, 0.2, [robot.sensed.T_world_hand],
+    )  # fmt: skip
+    go_to(robot, view.T_world_hand, rules)
+    session.restart(eyes.photograph())
+    pose, weight = session.state.poses[0], session.state.weights[0]
+    sense_part(session, robot, rules, furniture=scenes.furniture_of(scene), errors=scene.cell.robot)
+    assert session.count
+    assert session.state.weights[0] > min(weight, 0.9)
+    assert np.linalg.norm(session.state.poses[0][:3, 3] - pose[:3, 3]) < 2e-3
+
+
 @pytest.mark.slow
 def test_a_record_with_views_replays(made, tmp_path):
     scene, start, session, robot, _ = made
