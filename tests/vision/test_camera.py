@@ -6,9 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
+from rendered import table_camera
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.vision.camera import Camera, on_plane, project, project_linearized, rays, without_distortion
+from tanteo.vision.rendering import RenderedObject, Stage, render
 
 K = np.array([[620.0, 0, 317.0], [0, 615.0, 243.0], [0, 0, 1]])
 LENSES = {
@@ -91,3 +93,11 @@ def test_a_ray_away_from_the_plane_has_no_point():
 def test_what_is_no_camera_is_refused(change, word):
     with pytest.raises(InputError, match=word):
         Camera(**{"K": K, "size": (640, 480), **change})
+
+
+def test_an_object_that_reaches_behind_the_camera_is_rendered():
+    camera = table_camera(distance=0.1, tilt=80.0, size=(64, 48), focal=60.0)
+    bar = RenderedObject.of_mesh(np.array([[-1, 0, 0], [1, 0, 0], [0, 0.02, 0], [0, 0, 0.02]]), np.arange(3)[None])
+    value, whose = render(Stage(camera, [bar]), np.random.default_rng(0))
+    assert np.isfinite(value).all()
+    assert set(np.unique(whose)) <= {-1, 0}

@@ -120,12 +120,17 @@ class Stage:
         return self.camera.T_world_camera
 
     def extent(self) -> tuple[int, int, int, int]:
-        """Return the first and last columns, and the first and last rows, of the objects and their shadows."""
+        """Return the first and last columns, and the first and last rows, of the objects and their shadows.
+
+        It is the whole image if something is beside or behind the camera, where a lens has no image.
+        """
         light = np.array(self.appearance.light)
         vertices = self.surface.vertices
         shadows = vertices - vertices[:, 2:] / light[2] * light
         local = SE3.apply(SE3.inverse(self.T_world_camera), np.concatenate([vertices, shadows]))
-        seen = project(self.camera, local)
+        seen, (width, height) = project(self.camera, local), self.camera.size
+        if not np.isfinite(seen).all() or local[:, 2].min() <= 0:
+            return 0, width, 0, height
         low, high = np.floor(seen.min(axis=0)) - 4, np.ceil(seen.max(axis=0)) + 5
         (x0, y0), (x1, y1) = np.clip(low, 0, self.camera.size), np.clip(high, 0, self.camera.size)
         return int(x0), int(x1), int(y0), int(y1)

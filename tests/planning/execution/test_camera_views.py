@@ -135,7 +135,8 @@ def test_a_first_reading_keeps_the_pose_of_two_views(made):
 
 @pytest.mark.slow
 def test_a_record_with_views_replays(made, tmp_path):
-    scene, start, session, robot, _ = made
+    scene, start, *_ = made
+    session, robot, _ = scenes.session_of(scene, start, Stop(tolerance=3e-3, probability=0.99))
     eyes = HandCamera(scene, robot, start.targets, start)
     eyes.photograph()
     session.restart(eyes.photograph())
