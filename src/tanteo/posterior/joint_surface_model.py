@@ -426,7 +426,8 @@ class _Box:
         K, E = len(self.normals), shared.shape[1]
         turns, planes = SO3.cross(places, normals), np.eye(K)[numbers]
         even = _WEAK * float((self.per_sd**2).mean())  # information on a distance of which the density is even [1/m^2]
-        pose = np.concatenate([-normals, -turns / np.abs(places).max(), shared], axis=1)
+        length = max(float(np.abs(places).max()), SMALLEST * problem.priors.radius)
+        pose = np.concatenate([-normals, -turns / length, shared], axis=1)
         as_drawn, half = self._log_linear(pose, np.concatenate([np.full(6, even), np.ones(E)]), problem, z)
         off = np.flatnonzero(~self.aligned)
         tilts = [planes[:, k, None] * (turns @ self.frames[k, :, :2]) for k in off]
