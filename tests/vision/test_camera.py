@@ -95,7 +95,7 @@ def test_what_is_no_camera_is_refused(change, word):
         Camera(**{"K": K, "size": (640, 480), **change})
 
 
-def test_an_object_that_reaches_behind_the_camera_is_rendered():
+def test_an_object_that_reaches_beyond_the_lens_is_rendered():
     camera = table_camera(distance=0.1, tilt=80.0, size=(64, 48), focal=60.0)
     bar = RenderedObject.of_mesh(np.array([[-1, 0, 0], [1, 0, 0], [0, 0.02, 0], [0, 0, 0.02]]), np.arange(3)[None])
     value, whose = render(Stage(camera, [bar]), np.random.default_rng(0))
