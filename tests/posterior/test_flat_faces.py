@@ -216,3 +216,21 @@ def test_noise_known_to_a_factor_of_ten_is_answered(seed):
     priors = Priors(noise_factor=10.0, outlier_rate=0.9, unknown=0.5)
     answer = tanteo.identify(readings, [target.part], priors=priors, conventions=False)
     assert 0 < answer.unknown_probability < 1
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 0.8 * SD])
+def test_displaced_faces_have_the_restricted_likelihood(block, tolerance):
+    """Patterson and Thompson 1971: the density of the distances, integrated over the pose, with each covariance."""
+    rng = np.random.default_rng(7)
+    p, faces = on_faces(block, {0: 5, 2: 4, 4: 5}, rng)
+    normals = block.surface.normals[block.surface.closest(p).triangles]
+    p = p + (SD * rng.normal(size=faces.max() + 1)[faces])[:, None] * normals + 5e-5 * rng.normal(size=p.shape)
+    _, at, (own,) = shared(block, p, np.eye(4), tolerance)
+    d, n, local, number = at.distances[0], at.normals[0], at.in_part[0], np.unique(faces, return_inverse=True)[1]
+    across = np.linalg.svd(np.concatenate([n, np.cross(local, n)], axis=1))[0][:, 6:]
+    logs = [
+        log_normal(across.T @ d[:, None], across.T @ C @ across)[0]
+        for C in covariances(local, number, n, tolerance, 1.0)
+    ]
+    expected = np.logaddexp(0, logs[1] - logs[0]) - np.log(2)
+    assert own.log_displaced == pytest.approx(expected, abs=0.03)  # axes in a face differ by rounding of its normal
