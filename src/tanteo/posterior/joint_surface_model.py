@@ -225,9 +225,8 @@ def shared_planes(
         own = _Box.of(at, s, problem, free, flat, _SAME * part.diagonal, T)
         if own is not None:
             log, displaced = own.log_densities(problem, zs[s])
-            log += own.log_places(
-                problem, volume, part, float(np.exp(problem.scale_sd * zs[s, -1])) if problem.scale_sd else 1.0
-            )
+            scale = float(np.exp(problem.scale_sd * zs[s, -1])) if problem.scale_sd else 1.0
+            log += own.log_places(problem, volume, part, scale)
             out.append(SharedPlanes(own.planes(T), log, displaced))
     return out
 
@@ -428,16 +427,18 @@ class _Box:
         even = _WEAK * float((self.per_sd**2).mean())  # information on a distance of which the density is even [1/m^2]
         length = max(float(np.abs(places).max()), SMALLEST * problem.priors.radius)
         pose = np.concatenate([-normals, -turns / length, shared], axis=1)
-        as_drawn, half = self._log_linear(pose, np.concatenate([np.full(6, even), np.ones(E)]), problem, z)
+        as_drawn, half = self._log_exact_and_displaced(pose, np.concatenate([np.full(6, even), np.ones(E)]), problem, z)
         off = np.flatnonzero(~self.aligned)
         tilts = [planes[:, k, None] * (turns @ self.frames[k, :, :2]) for k in off]
         J = np.concatenate([planes, np.where(on[:, None], turns, 0.0), *tilts, shared], axis=1)
         attitudes = np.full(3, 2 * np.pi / _ATTITUDES ** (2 / 3))
         prior = np.concatenate([np.full(K, even), attitudes, np.ones(2 * len(off) + E)])
-        log = self._log_linear(J, prior, problem, z)[1] - float(np.log(_ATTITUDES))
+        log = self._log_exact_and_displaced(J, prior, problem, z)[1] - float(np.log(_ATTITUDES))
         return log, half - as_drawn
 
-    def _log_linear(self, J: FloatArray, prior: FloatArray, problem: Problem, z: FloatArray) -> tuple[float, float]:
+    def _log_exact_and_displaced(
+        self, J: FloatArray, prior: FloatArray, problem: Problem, z: FloatArray
+    ) -> tuple[float, float]:
         """Return log densities of the readings on planes: on faces as made exactly, and if half are displaced.
 
         Distances are linear in the states. The noise of a reading contains the deviation of the surface from its CAD.
@@ -451,12 +452,8 @@ class _Box:
             z: states at the pose of the part ``(D,)``.
         """
         rows, points = np.flatnonzero(self.numbers >= 0), problem.points
-        numbers, per_sd, r, errors = (
-            self.numbers[rows],
-            self.per_sd[rows],
-            self.distances[rows],
-            z[: self.shared.shape[1]],
-        )
+        numbers, per_sd, r = self.numbers[rows], self.per_sd[rows], self.distances[rows]
+        errors = z[: self.shared.shape[1]]
         fixed, tolerance = points.tolerance**2 + points.rounding**2, points.tolerance
         noise = np.exp(problem.scale_sd * np.append(_SCALES, z[-1:])) if problem.scale_sd else np.ones(2)
         variances = np.maximum(1 / per_sd**2 - fixed, 0.0) * (noise[:-1, None] / noise[-1]) ** 2 + fixed
