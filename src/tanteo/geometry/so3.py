@@ -245,7 +245,7 @@ def frame_from_axis(direction: Vectors, axis: int) -> Rotations:
     d = np.asarray(direction, dtype=np.float64)
     d = d / np.linalg.norm(d, axis=-1, keepdims=True)
     helper = np.eye(3)[np.argmin(np.abs(d), axis=-1)]
-    e = np.cross(d, helper)
+    e = cross(d, helper)
     e = e / np.linalg.norm(e, axis=-1, keepdims=True)
-    columns = [d, e, np.cross(d, e)]
+    columns = [d, e, cross(d, e)]
     return np.stack(columns[-axis:] + columns[:-axis] if axis else columns, axis=-1)

@@ -221,13 +221,16 @@ def shared_planes(
     flat = np.array([face.surface == "plane" for face in part.faces], dtype=np.bool_)
     if len(free) < 2:
         return out
-    for s, T in enumerate(Ts):
-        own = _Box.of(at, s, problem, free, flat, _SAME * part.diagonal, T)
-        if own is not None:
-            log, displaced = own.log_densities(problem, zs[s])
-            scale = float(np.exp(problem.scale_sd * zs[s, -1])) if problem.scale_sd else 1.0
-            log += own.log_places(problem, volume, part, scale)
-            out.append(SharedPlanes(own.planes(T), log, displaced))
+    own = ((s, _Box.of(at, s, problem, free, flat, _SAME * part.diagonal, T)) for s, T in enumerate(Ts))
+    boxes = {s: box for s, box in own if box is not None}
+    gains = {s: box.log_gain(problem, volume, part, zs[s]) for s, box in boxes.items()}
+    best = 0.0
+    for s in sorted(gains, key=lambda s: -gains[s]):
+        if gains[s] + np.log(2) < best - problem.settings.search.negligible:
+            break  # displaced faces explain readings at least half as well as those drawn
+        displaced = boxes[s].log_displaced(problem, zs[s])
+        best = max(best, gains[s] - displaced)
+        out.append(SharedPlanes(boxes[s].planes(Ts[s]), gains[s], displaced))
     return out
 
 
@@ -297,23 +300,20 @@ class _Box:
         counts = together.sum(axis=1)
         if counts.max() < 2:
             return None
-        first = np.unique(together.argmax(axis=1)[plane])
-        axes = _axes(n[first], counts[first])
+        first, each = together.argmax(axis=1), np.arange(len(rows))
+        firsts = np.flatnonzero(plane & (first == each))
+        axes = _axes(n[firsts], counts[firsts])
         points, per_sd = points - points.mean(axis=0), at.per_sd[s, rows]
         along, slack = points @ axes, 4 / per_sd
-        ends = np.zeros(len(rows), dtype=np.int64)
-        for k in np.flatnonzero(plane):
-            axis = int(np.argmax(np.abs(n[k] @ axes)))
-            if abs(n[k] @ axes[:, axis]) < 1 - _ALIGNED**2 / 2:
-                continue
-            sign = 1 if n[k] @ axes[:, axis] > 0 else -1
-            beyond = sign * (along[on, axis] - along[k, axis])
-            if np.all(beyond < slack[on] + slack[k]):
-                ends[k] = sign * (axis + 1)
-            elif not problem.points.directed[rows[k]] and np.all(-beyond < slack[on] + slack[k]):
-                ends[k] = -sign * (axis + 1)
+        axis = np.argmax(np.abs(n @ axes), axis=1)
+        upward = np.where((n @ axes)[each, axis] > 0, 1, -1)
+        beyond = upward * (along[:, axis] - along[each, axis])  # of each place from the plane of each other
+        slack_of_two = slack[:, None] + slack
+        upper = np.all((beyond < slack_of_two)[on], axis=0)
+        lower = np.all((-beyond < slack_of_two)[on], axis=0) & ~problem.points.directed[rows]
+        straight = plane & (np.abs(n @ axes).max(axis=1) > 1 - _ALIGNED**2 / 2)
+        ends = np.where(straight & (upper | lower), np.where(upper, 1, -1) * upward * (axis + 1), 0)
         kept = plane & ((counts > 1) | (ends != 0))
-        first = together.argmax(axis=1)
         numbers = np.full(len(rows), -1)
         order, numbers[kept] = np.unique(first[kept], return_inverse=True)
         numbers[~on & ~_inside(along, ends, slack)] = -2
@@ -347,8 +347,7 @@ class _Box:
             scale: noise scale at the pose of the part.
         """
         share, directed = problem.priors.right_angled, problem.points.directed[self.rows]
-        outer, of_planes = np.zeros(len(self.rows), dtype=np.bool_), 0.0
-        outer[self.numbers >= 0] = self.ends[self.numbers[self.numbers >= 0]] != 0
+        outer, of_planes = np.append(self.ends, 0)[np.maximum(self.numbers, -1)] != 0, 0.0
         later = np.zeros(len(self.rows), dtype=np.bool_)  # readings of a plane inside, beyond the first one
         for k, aligned in enumerate(self.aligned):
             own = self.numbers == k
@@ -360,7 +359,7 @@ class _Box:
                 later[np.flatnonzero(own)[1:]] = True
         single, off = ~outer & ~later & (self.numbers > -2), self.numbers == -2
         log_sides, sides = self._sides(2 * problem.priors.radius, scale)
-        a, b, c = np.meshgrid(*sides, indexing="ij")
+        a, b, c = sides[0][:, None, None], sides[1][:, None], sides[2]
         log_area, log_volume = np.log(a * b + b * c + c * a) + _log_filled(part), np.log(a * b * c)
         even = log_sides[0][:, None, None] + log_sides[1][:, None] + log_sides[2]
         even = even - log_area * np.sum((outer | later) & ~directed) - log_volume * np.sum(single & ~directed)
@@ -387,10 +386,10 @@ class _Box:
             scale: noise scale of the readings.
         """
         logs, sides = [], []
-        for axis in range(3):
-            along = self.points @ self.axes[:, axis]
-            upper, lower = (np.isin(self.numbers, np.flatnonzero(self.ends == end)) for end in (axis + 1, -axis - 1))
-            on = self.numbers > -2
+        ends = np.append(self.ends, 0)[np.maximum(self.numbers, -1)]  # of each reading
+        on, places = self.numbers > -2, self.points @ self.axes
+        for axis, along in enumerate(places.T):
+            upper, lower = ends == axis + 1, ends == -axis - 1
             low, high = along[on].min(), along[on].max()
             if upper.any() and lower.any():
                 side = max(along[upper].mean() - along[lower].mean(), SMALLEST * longest)
@@ -409,32 +408,52 @@ class _Box:
             sides.append(side)
         return logs, sides
 
-    def log_densities(self, problem: Problem, z: FloatArray) -> tuple[float, float]:
-        """Return the log density of the readings on the planes, and that of displaced faces of the part.
+    def log_gain(self, problem: Problem, volume: float, part: Part, z: FloatArray) -> float:
+        """Return the log density of the readings on an object with these planes, over that of readings anywhere.
 
-        The first is the integral over axes, distances of the planes, shared errors and noise scale. The second is the
-        density on the part, of which half have displaced faces, over that on the part as drawn.
+        It is the integral over axes, distances of the planes, shared errors and noise scale.
+
+        Args:
+            problem: measurements and priors.
+            volume: volume of the possible centres of an object [m^3].
+            part: the part, whose area over that of its bounding box is that of the object.
+            z: states at the pose of the part ``(D,)``.
+        """
+        turns, planes, shared = self._levers()
+        K, E, off = planes.shape[1], shared.shape[1], np.flatnonzero(~self.aligned)
+        tilts = [planes[:, k, None] * (turns @ self.frames[k, :, :2]) for k in off]
+        with_axes = turns * (planes @ self.aligned)[:, None]
+        J = np.concatenate([planes, with_axes, *tilts, shared], axis=1)
+        attitudes = np.full(3, 2 * np.pi / _ATTITUDES ** (2 / 3))
+        prior = np.concatenate([np.full(K, self._even()), attitudes, np.ones(2 * len(off) + E)])
+        scale = float(np.exp(problem.scale_sd * z[-1])) if problem.scale_sd else 1.0
+        log = self._log_exact_and_displaced(J, prior, problem, z)[1] - float(np.log(_ATTITUDES))
+        return log + self.log_places(problem, volume, part, scale)
+
+    def log_displaced(self, problem: Problem, z: FloatArray) -> float:
+        """Return the log density of the readings on the part, of which half have displaced faces, over that as drawn.
 
         Args:
             problem: measurements and priors.
             z: states at the pose of the part ``(D,)``.
         """
+        turns, planes, shared = self._levers()
+        length = max(float(np.abs(self.points[self.numbers >= 0]).max()), SMALLEST * problem.priors.radius)
+        pose = np.concatenate([-planes @ self.normals, -turns / length, shared], axis=1)
+        prior = np.concatenate([np.full(6, self._even()), np.ones(shared.shape[1])])
+        as_drawn, half = self._log_exact_and_displaced(pose, prior, problem, z)
+        return half - as_drawn
+
+    def _levers(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return derivatives of the distances of readings on planes by turns, planes ``(n, K)`` and shared errors."""
         rows = np.flatnonzero(self.numbers >= 0)
-        numbers, places = self.numbers[rows], self.points[rows]
-        normals, on, shared = self.normals[numbers], self.aligned[numbers], -self.shared[rows]
-        K, E = len(self.normals), shared.shape[1]
-        turns, planes = SO3.cross(places, normals), np.eye(K)[numbers]
-        even = _WEAK * float((self.per_sd**2).mean())  # information on a distance of which the density is even [1/m^2]
-        length = max(float(np.abs(places).max()), SMALLEST * problem.priors.radius)
-        pose = np.concatenate([-normals, -turns / length, shared], axis=1)
-        as_drawn, half = self._log_exact_and_displaced(pose, np.concatenate([np.full(6, even), np.ones(E)]), problem, z)
-        off = np.flatnonzero(~self.aligned)
-        tilts = [planes[:, k, None] * (turns @ self.frames[k, :, :2]) for k in off]
-        J = np.concatenate([planes, np.where(on[:, None], turns, 0.0), *tilts, shared], axis=1)
-        attitudes = np.full(3, 2 * np.pi / _ATTITUDES ** (2 / 3))
-        prior = np.concatenate([np.full(K, even), attitudes, np.ones(2 * len(off) + E)])
-        log = self._log_exact_and_displaced(J, prior, problem, z)[1] - float(np.log(_ATTITUDES))
-        return log, half - as_drawn
+        numbers = self.numbers[rows]
+        planes = np.eye(len(self.normals))[numbers]
+        return SO3.cross(self.points[rows], self.normals[numbers]), planes, -self.shared[rows]
+
+    def _even(self) -> float:
+        """Return the information on a distance of which the density is even [1/m^2]."""
+        return _WEAK * float((self.per_sd**2).mean())
 
     def _log_exact_and_displaced(
         self, J: FloatArray, prior: FloatArray, problem: Problem, z: FloatArray
@@ -496,15 +515,19 @@ def _log_linear(
     """
     E, nodes = len(errors), _SCALES if len(variances) == len(_SCALES) else np.zeros(1)
     errors = np.concatenate([np.zeros(J.shape[1] - E), errors])
-    H = (J.T / variances[:, None, :]) @ J
-    H[:, range(len(errors)), range(len(errors))] += prior
+    weights, own = 1 / variances, np.arange(len(errors))
+    H = np.empty((len(weights), len(errors) + 1, len(errors) + 1))  # the last row is the gradient and chi2 at zero
+    extended = np.concatenate([J, r[:, None]], axis=1)
+    np.matmul(extended.T * weights[:, None, :], extended, out=H)
+    H[:, own, own] += prior
+    H[:, -1, :-1] -= errors
+    H[:, -1, -1] += errors @ errors
     unit = np.sqrt(np.diagonal(H, axis1=1, axis2=2))
-    H = H / (unit[:, :, None] * unit[:, None]) + _ROUNDING * np.eye(len(errors))
-    pull = ((r / variances) @ J - errors) / unit
-    chi2 = (r**2 / variances).sum(axis=1) + errors @ errors
-    chi2 -= np.sum(pull * np.linalg.solve(H, pull[..., None])[..., 0], axis=1)
-    log = -0.5 * (np.log(variances).sum(axis=1) + np.linalg.slogdet(H)[1] + np.maximum(chi2, 0.0)) - nodes**4 / 16
-    log -= np.log(unit).sum(axis=1)
+    unit[:, -1] = np.maximum(unit[:, -1], 1.0)
+    H = H / (unit[:, :, None] * unit[:, None]) + _ROUNDING * np.eye(len(errors) + 1)
+    root = np.diagonal(np.linalg.cholesky(H), axis1=1, axis2=2)  # reads the lower triangle
+    log = -0.5 * (np.log(variances).sum(axis=1) + (root[:, -1] * unit[:, -1]) ** 2) - nodes**4 / 16
+    log -= np.log(root[:, :-1] * unit[:, :-1]).sum(axis=1)
     log += 0.5 * np.log(prior[:, :displaced]).sum(axis=1)
     constant = 0.5 * (len(errors) - displaced - E - len(r)) * np.log(2 * np.pi)
     return _log_mean(log) + constant - (_LOG_SCALES if len(nodes) > 1 else 0.0)
@@ -518,8 +541,9 @@ def _log_mean(log: FloatArray) -> float:
     """
     if len(log) < 3:
         return float(log_sum(log)) - float(np.log(len(log)))
-    slope, bend = np.gradient(log), np.gradient(np.gradient(log))
-    bend[1:-1] = log[2:] - 2 * log[1:-1] + log[:-2]
+    steps = np.diff(log)
+    bend = np.diff(steps)[np.clip(np.arange(len(log)) - 1, 0, len(log) - 3)]
+    slope = np.concatenate([steps[:1], (steps[1:] + steps[:-1]) / 2, steps[-1:]])
     x = (np.arange(_WITHIN) + 0.5) / _WITHIN - 0.5
     within = log[:, None] + slope[:, None] * x + 0.5 * bend[:, None] * x**2
     return float(log_sum(within)) - float(np.log(within.size))
