@@ -527,8 +527,7 @@ def _log_linear(
     H = H / (unit[:, :, None] * unit[:, None]) + _ROUNDING * np.eye(len(errors) + 1)
     root = np.diagonal(np.linalg.cholesky(H), axis1=1, axis2=2)  # reads the lower triangle
     log = -0.5 * (np.log(variances).sum(axis=1) + (root[:, -1] * unit[:, -1]) ** 2) - nodes**4 / 16
-    log -= np.log(root[:, :-1] * unit[:, :-1]).sum(axis=1)
-    log += 0.5 * np.log(prior[:, :displaced]).sum(axis=1)
+    log += 0.5 * np.log(prior[:, :displaced]).sum(axis=1) - np.log(root[:, :-1] * unit[:, :-1]).sum(axis=1)
     constant = 0.5 * (len(errors) - displaced - E - len(r)) * np.log(2 * np.pi)
     return _log_mean(log) + constant - (_LOG_SCALES if len(nodes) > 1 else 0.0)
 
