@@ -30,7 +30,7 @@ ZIG     = $(BIN)/zig-c++
 export CXX = $(abspath $(ZIG))
 endif
 
-.PHONY: demo test test-all check types unit compiled oracles ros fuzz docs bench core lock wheel wheel-test sanitize clean
+.PHONY: demo test test-all check mypy types unit compiled oracles ros fuzz docs bench core lock wheel wheel-test sanitize clean
 
 demo: $(VENV)/.demo
 	$(BIN)/tanteo demo --no-open
@@ -40,12 +40,14 @@ test: check unit
 test-all: TESTS =
 test-all: check unit
 
-check: $(VENV)/.test
+check: mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python benchmarks/language.py
+
+mypy: $(VENV)/.test
+	$(BIN)/mypy
 
 # pyright finds installed packages, not editable ones
 types: $(VENV)/.test

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 import shutil
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -17,8 +18,18 @@ PARTS = Path(__file__).parents[1] / "examples" / "parts"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Run slow tests first, and those that wait for processes, so that no worker is left with one at the end."""
+    """Mark sets of parameters beyond ``quick_sets`` as slow, and run long tests first, so that no worker waits."""
+    functions = defaultdict(list)
+    for item in items:
+        functions[item.getparent(pytest.Module), item.getparent(pytest.Class), item.originalname].append(item)
+    for sets in functions.values():
+        mark = sets[0].get_closest_marker("quick_sets")
+        count = len(sets) if mark is None else mark.args[0]
+        for k, item in enumerate(sets):
+            if (k * count) // len(sets) == ((k - 1) * count) // len(sets):  # quick ones are even over the sets
+                item.add_marker(pytest.mark.slow)
     items.sort(key=lambda item: item.get_closest_marker("slow") is None and item.path.name != "test_cluster.py")
 
 

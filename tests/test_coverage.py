@@ -108,6 +108,7 @@ def images(target, rng):
 KINDS = contact_points, beams, beams_with_a_shared_bias, normals, labelled_points, sensed_planes
 
 
+@pytest.mark.quick_sets(3)
 @pytest.mark.parametrize(
     ("kind", "scenes"),
     [*((kind, SCENES) for kind in KINDS), *(pytest.param(images, n, marks=pytest.mark.slow) for n in (6, 12))],

@@ -22,6 +22,7 @@ def scenes(case, count=1, parts=PARTS):
     return [case(name, s, SEED, k) for k in range(count) for s in (0, 1) for name in parts]
 
 
+@pytest.mark.quick_sets(1)
 @pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_the_region_holds_the_truth_when_the_noise_is_another(factor, count):

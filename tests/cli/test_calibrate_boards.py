@@ -44,6 +44,7 @@ def options(folder, *more):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_images_of_a_board_give_the_camera_on_the_hand(run, cell, tmp_path):
     folder, X = cell
     target = tmp_path / "hand_eye.yaml"

@@ -92,6 +92,7 @@ def test_what_cannot_be_meant_is_refused(run, parts, arguments, code, word):
     assert result.out == ""
 
 
+@pytest.mark.slow
 def test_without_a_place_of_the_camera_poses_are_in_its_frame(run, tmp_path, close_up):
     image, matrix = close_up
     camera = tmp_path / "camera.yaml"

@@ -129,12 +129,14 @@ def agree(body, q, Ts, zs):
         assert log == pytest.approx(np.clip(log, least, most), rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.quick_sets(18)
 @pytest.mark.parametrize("make", KINDS, ids=lambda f: f.__name__[1:])
 @pytest.mark.parametrize("name", FLAT)
 def test_flat_faces_agree_with_the_oracle(name, make):
     agree(BODIES[name], *posed(BODIES[name], make, 11))
 
 
+@pytest.mark.quick_sets(11)
 @pytest.mark.parametrize("make", OF_FACES, ids=lambda f: f.__name__[1:])
 @pytest.mark.parametrize("name", ROUND)
 def test_round_faces_agree_with_the_oracle(name, make):
@@ -142,6 +144,7 @@ def test_round_faces_agree_with_the_oracle(name, make):
     agree(BODIES[name], q, Ts[:2], zs[:2])
 
 
+@pytest.mark.quick_sets(11)
 @pytest.mark.parametrize("kind", [1, 2], ids=["edges", "corners"])
 @pytest.mark.parametrize("make", [_plain, _anisotropic, _labels, _scale], ids=lambda f: f.__name__[1:])
 @pytest.mark.parametrize("name", FLAT)
@@ -164,6 +167,7 @@ def _felt(q, normals, rng):
     return oriented(directed(q, normals, rng), normals, rng, tilt=0.3)
 
 
+@pytest.mark.quick_sets(9)
 @pytest.mark.parametrize("make", [lambda q, *_: q, _aimed, _felt], ids=["plain", "aimed", "felt"])
 @pytest.mark.parametrize("opened", [False, True], ids=["closed", "open"])
 @pytest.mark.parametrize("name", [*FLAT, "tent", "star"])

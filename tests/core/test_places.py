@@ -45,6 +45,7 @@ def size_of(body):
     return np.median(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1))
 
 
+@pytest.mark.quick_sets(2)
 @pytest.mark.parametrize("make", MAKES)
 @pytest.mark.parametrize("name", BODIES)
 @pytest.mark.parametrize("facets", [0.8, *(pytest.param(n, marks=pytest.mark.slow) for n in (0.4, 2.5, 5))])

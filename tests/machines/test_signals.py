@@ -113,6 +113,7 @@ def resumed(kind: str, fake) -> None:
     time.sleep(0.2)
 
 
+@pytest.mark.quick_sets(12)
 @pytest.mark.parametrize("name", SIGNALS)
 @pytest.mark.parametrize("kind", FAKES)
 def test_a_signal_stops_and_cancels(kind, name):

@@ -361,6 +361,7 @@ def test_what_a_plan_promises_is_kept_wherever_the_part_lies():
     assert binom.cdf(kept, 40, promised) > 0.005
 
 
+@pytest.mark.slow
 def test_a_plan_states_how_many_readings_a_session_needs(planned):
     """Readings that replace misses are none of a session, which aims again."""
     (found,) = planned.findings

@@ -48,6 +48,7 @@ def part():
     return prepare(tanteo.read_part(PARTS / "bracket_left.step"))
 
 
+@pytest.mark.quick_sets(12)
 @pytest.mark.parametrize("option", ADVISED)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_an_advised_option_does_no_harm(part, option, seed):

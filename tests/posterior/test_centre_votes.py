@@ -141,6 +141,7 @@ def every(blocks):
     return catalogue(blocks)
 
 
+@pytest.mark.quick_sets(3)
 @pytest.mark.parametrize("sized", [True, False])
 @pytest.mark.parametrize("face", [4, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 3)), None])
 @pytest.mark.parametrize("oriented", [True, False])
@@ -187,6 +188,7 @@ def without(points, row, shift):
     return replace(points, factors=tuple(moved))
 
 
+@pytest.mark.quick_sets(1)
 @pytest.mark.parametrize("which", range(4))
 def test_a_centre_of_no_hole_costs_what_an_outlier_does(blocks, every, which):
     for k in range(6):

@@ -49,6 +49,7 @@ def identified(parts, points, **columns):
     return tanteo.identify(tanteo.Readings.from_columns(points=points, sds=np.full(len(points), SD), **columns), parts)
 
 
+@pytest.mark.quick_sets(1)
 @pytest.mark.parametrize("aimed", [False, True])
 @pytest.mark.parametrize(
     "name", [name if name == "flat" else pytest.param(name, marks=pytest.mark.slow) for name in SIZES]

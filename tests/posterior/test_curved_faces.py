@@ -23,6 +23,7 @@ def flange():
     return prepare(read_part(PARTS / "flange.step"))
 
 
+@pytest.mark.slow
 def test_touches_of_a_hundredth_of_a_millimetre_are_believed(flange):
     """With facets 36 micrometres deep, as in the mesh, a quarter of such readings would fit no known part."""
     values = []

@@ -65,6 +65,7 @@ def scene(parts, seed):
     return tanteo.Readings.from_columns(p, sds=np.full(n, sd), **columns), part, priors
 
 
+@pytest.mark.quick_sets(8)
 @pytest.mark.parametrize("seed", [*range(16), *(pytest.param(k, marks=pytest.mark.slow) for k in range(16, 120))])
 def test_any_readings_have_an_answer_or_a_sentence(parts, seed):
     readings, part, priors = scene(parts, seed)

@@ -47,6 +47,7 @@ def answer_at(block):
     return answered
 
 
+@pytest.mark.quick_sets(1)
 @pytest.mark.parametrize("distance", [1e3, pytest.param(1e6, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("count", [1, 3])
 def test_the_distance_of_outliers_changes_no_answer(answer_at, distance, count):

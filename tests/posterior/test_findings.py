@@ -117,6 +117,7 @@ def test_readings_beside_a_part_that_fits_are_named():
     assert answer.message.endswith("Touch near reading 15 again.")
 
 
+@pytest.mark.slow
 def test_gaps_of_the_file_are_named_where_no_part_fits(tmp_path):
     """A bracket without every seventh triangle; with them its touches fit, and no gaps are named."""
     part = read_part(PARTS / "bracket_left.step")

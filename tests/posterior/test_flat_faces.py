@@ -67,6 +67,7 @@ def log_normal(off, covariance):
     return -0.5 * q - np.log(np.diag(L)).sum() - 0.5 * len(off) * np.log(2 * np.pi)
 
 
+@pytest.mark.quick_sets(2)
 @pytest.mark.parametrize(
     ("counts", "errors", "tolerance", "factor"),
     [
@@ -193,6 +194,7 @@ def test_displaced_faces_are_still_those_of_the_part(name):
     assert answer.unknown_probability < 0.01
 
 
+@pytest.mark.quick_sets(1)
 @pytest.mark.parametrize(("name", "seed"), [("t_slot", 3), ("clamp", 7), ("wedge", 10)])
 def test_no_object_smaller_than_the_noise_explains_readings(name, seed):
     """A pose that fits badly proposes a small box; readings far beyond its ends are not on it."""

@@ -66,6 +66,7 @@ def test_many_readings_with_strays_leave_no_doubt_of_the_part(steps, n):
         assert answer.unknown_probability < 0.01
 
 
+@pytest.mark.slow
 def test_the_part_itself_stays_what_it_is_with_strays_anywhere(steps):
     known, right = [steps["step_12mm"], steps["wedge"]], 0
     for seed in range(10):

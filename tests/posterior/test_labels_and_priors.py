@@ -78,6 +78,7 @@ def test_a_box_elsewhere_speaks_against_the_part(parts):
     assert "Check the prior pose, or omit it" in answer.message
 
 
+@pytest.mark.quick_sets(1)
 @pytest.mark.parametrize("away", [0.5, 5.0, 5e3])
 def test_far_outside_of_box_ps_stay_numbers_that_sum_to_one(parts, away):
     """Nine faces of forty touches: an unknown part is out of the question, until the box is."""

@@ -92,6 +92,7 @@ def question(points, every):
     return Problem(points, FreeRays.none(), sized(None, float(every.radii.max())))
 
 
+@pytest.mark.slow
 def test_few_parts_are_all_searched_from_their_coarse_fields(catalogue):
     settings = DEFAULTS.changed("search.negligible", 0.0)  # of many parts, none but the best would have poses
     parts = [catalogue[row] for row in range(0, 40, 8)]

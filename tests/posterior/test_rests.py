@@ -62,6 +62,7 @@ def mean_of_prior(part, planes, count, seed):
     return ratio.mean(), ratio.std() / np.sqrt(count)
 
 
+@pytest.mark.quick_sets(3)
 @pytest.mark.parametrize("make", [lambda: tanteo.read_part(PARTS / "bracket_left.step"), cylinder])
 @pytest.mark.parametrize("normals", [(UP, LEFT), (UP, LEFT, BACK), (UP + LEFT, UP - LEFT), (UP, LEFT + 0.5 * UP)])
 def test_the_prior_of_a_part_in_a_fixture_is_a_density(make, normals):

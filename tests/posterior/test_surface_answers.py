@@ -236,6 +236,7 @@ def test_what_is_advised_can_lessen_the_error_that_limits(targets, name, advice)
     assert ("turn the hand" in message) == ("turn the hand" in advice)
 
 
+@pytest.mark.quick_sets(1)
 @pytest.mark.parametrize(
     ("name", "seed", "n"), [("clamp", 12, 12), ("clamp", 12, 25), ("clamp", 13, 25), ("bracket_left", 12, 25)]
 )

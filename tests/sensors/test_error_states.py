@@ -173,6 +173,7 @@ def test_an_error_without_a_size_is_refused(sd):
         Scale(sd)
 
 
+@pytest.mark.quick_sets(2)
 @pytest.mark.parametrize(("scenes", "outside"), [(6, 2), pytest.param(16, 3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "error", [OffsetByAxes(3e-4, "xy"), Backlash(3e-4), Scale(1e-3), Drift(3e-4), Form(3e-4)], ids=lambda one: one.name
@@ -265,6 +266,7 @@ def test_one_label_is_one_face_and_centres_have_no_face():
     np.testing.assert_allclose(made.covs - exact.covs, np.broadcast_to(4e-8 * np.eye(3), (3, 3, 3)))
 
 
+@pytest.mark.quick_sets(1)
 @pytest.mark.parametrize("aimed", [True, False])
 def test_many_touches_do_not_average_the_offset_of_a_face(block, aimed):
     """40 touches of 0.05 mm on faces that are off by 0.2 mm each: the region holds the truth, and keeps its size."""

@@ -67,6 +67,7 @@ def test_the_part_of_an_image_is_searched(catalogue, shots, many):
     assert np.median(left) < COUNT / 3
 
 
+@pytest.mark.slow
 def test_an_image_is_answered_of_a_catalogue(catalogue, shots, many):
     row, shot, _ = next(whole(shots))
     (seen, *_) = see_table(shot.image, shot.camera, catalogue).objects

@@ -159,6 +159,7 @@ def scene(part):
     return camera, image, camera.T_world_camera @ T
 
 
+@pytest.mark.slow
 def test_parts_of_one_name_keep_their_own_constants():
     wedge, step = (read_part(PARTS / f"{name}.step") for name in ("wedge", "step_12mm"))
     camera, image, T = scene(wedge)

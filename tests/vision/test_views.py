@@ -70,6 +70,7 @@ def test_views_and_touches_give_one_answer(scene, answers):
     assert np.linalg.norm(gaps[:, :3], axis=1).min() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_second_view_sharpens(answers):
     one, two = answers[1].best, answers[2].best
     assert one is not None
@@ -103,6 +104,7 @@ def error_of(part, T, best):
     return squared.min(), np.linalg.norm(SE3.apply(nearest, part.centroid) - part.centroid)
 
 
+@pytest.mark.slow
 def test_two_views_of_a_table_give_one_answer(scene):
     parts, T, views, _ = scene
     first, second = views

@@ -206,6 +206,7 @@ def test_ignoring_shared_errors_is_overconfident():
     assert np.sum(values) > 1.5 * interval(6 * trials)[1]
 
 
+@pytest.mark.quick_sets(2)
 @pytest.mark.parametrize("name", SETS)
 @pytest.mark.parametrize("shared", [False, True])
 @pytest.mark.parametrize("trials", [25, pytest.param(80, marks=pytest.mark.slow)])

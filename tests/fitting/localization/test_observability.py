@@ -82,6 +82,7 @@ def residuals(features, T_world_part, T):
     )
 
 
+@pytest.mark.quick_sets(20)
 @pytest.mark.parametrize("noise", [0.0, 1.0, 5.0])
 @pytest.mark.parametrize("name", CASES)
 def test_free_motions_are_those_that_no_residual_feels(name, noise):

@@ -114,6 +114,7 @@ def test_two_views_and_their_camera_keep_the_part(made):
     assert further.gain < 1  # the pose is within the goal, and no image decides whether all show another object
 
 
+@pytest.mark.slow
 def test_a_first_reading_keeps_the_pose_of_two_views(made):
     """Its sensor adds errors of its own; the errors of the camera, with which the images agree, stay."""
     scene, start, *_ = made

@@ -77,6 +77,7 @@ def open_page(browser, files):
         assert watched.requests == [watched.file.as_uri()]
 
 
+@pytest.mark.quick_sets(6)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
     ("size", "scheme"),
