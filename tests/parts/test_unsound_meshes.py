@@ -4,9 +4,10 @@ import itertools
 
 import numpy as np
 import pytest
+import trimesh
 
 import tanteo
-from tanteo.geometry import SE3
+from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.parts.readers import mesh_edges
 
@@ -76,6 +77,46 @@ def test_a_chain_of_needles_across_a_face_does_not_divide_it(solids, read_mesh, 
     assert part.closed
     assert (len(part.planes), len(part.edges), len(part.corners)) == (6, 12, 8)
     assert len(part.symmetry.Ts) == 4
+
+
+def with_chains(vertices, triangles, count):
+    """Cut one side of each pair of triangles in a box face at points, with needles from one end to the points."""
+    points, done, out = list(vertices), set(), []
+    for tri in triangles.tolist():
+        sides = [tuple(np.roll(tri, -k).tolist()) for k in range(3)]
+        i, j, o = max(sides, key=lambda s: np.linalg.norm(vertices[s[0]] - vertices[s[1]]))
+        if (j, i) in done:
+            out.append(tri)
+            continue
+        done.add((i, j))
+        ids = [i, *range(len(points), len(points) + count), j]
+        points += list(np.linspace(vertices[i], vertices[j], count + 2)[1:-1])
+        steps = list(itertools.pairwise(ids))
+        out += [(a, b, o) for a, b in steps] + [(i, b, a) for a, b in steps[1:]]
+    return np.array(points), np.array(out)
+
+
+@pytest.mark.parametrize(("size", "count"), [(1.0, 100), (0.1, 3), (0.1, 100), (0.02, 20)])
+@pytest.mark.parametrize("turn", [(0.4, 0.9, -0.3), (1.2, -0.2, 0.7)])
+def test_needles_of_rounded_decimals_do_not_divide_faces(solids, read_mesh, size, count, turn):
+    """Four decimals make needles of faces of 1 to 80 mm that are as wide as the rounding, and up to 1,000 times."""
+    vertices, triangles = with_chains(*solids.box(), count)
+    turned = (size * vertices) @ SO3.exp(np.array(turn)).T + 10.0
+    part = read_mesh(np.round(turned, 4), triangles)
+    assert (len(part.planes), len(part.edges), len(part.corners)) == (6, 12, 8)
+    assert len(part.symmetry.Ts) == 4
+
+
+@pytest.mark.parametrize("sides", [(12.375, 20.125, 0.048), (9.1234, 5.3, 0.004)])
+def test_a_thin_sheet_of_few_decimals_keeps_its_rims(solids, read_mesh, sides):
+    part = read_mesh(*solids.box(*sides))
+    assert (len(part.planes), len(part.edges), len(part.corners)) == (6, 12, 8)
+
+
+def test_a_fine_scan_of_three_decimals_stays_one_free_form(read_mesh):
+    ball = trimesh.creation.icosphere(6, 12.0)
+    part = read_mesh(np.round(ball.vertices * (1, 1.2, 0.8), 3), ball.faces)
+    assert [face.surface for face in part.faces] == ["freeform"]
 
 
 @pytest.mark.parametrize("seed", [None, 0, 1])

@@ -18,7 +18,7 @@ from tanteo.errors import InputError
 from tanteo.parts import Part
 from tanteo.parts.faces import Face, ModelEdges, ModelPlanes, ModelVertices, SymmetryGroup
 
-FORMAT_VERSION = 11
+FORMAT_VERSION = 12
 """Version of the byte format and of the readers; increase it whenever a reader gives another result."""
 
 _MAGIC = b"tanteoP\n"

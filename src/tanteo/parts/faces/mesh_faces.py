@@ -33,30 +33,32 @@ SCAN_FACETS = 32
 CRUMB = 1e-6
 
 
-def sort_faces(vertices: FloatArray, triangles: IntArray) -> Draft:
+def sort_faces(vertices: FloatArray, triangles: IntArray, rounding: float = 0.0) -> Draft:
     """Assign the triangles of a mesh to planes and curved faces.
 
     Args:
         vertices: vertices ``(V, 3)`` [m].
         triangles: vertex indices ``(T, 3)``, outward.
+        rounding: step to which the file rounds coordinates [m]; 0 for that of single precision.
 
     Returns:
         Mesh with a face for each triangle; faces are numbered by their first triangle.
     """
     edges = mesh_edges(triangles)
-    facets = find_facets(vertices, triangles, edges)
+    facets = find_facets(vertices, triangles, edges, rounding)
     runs = _crumbs(facets, _scans(facets, _runs(facets)), float(np.linalg.norm(np.ptp(vertices, axis=0))))
     faces, kinds = _named(vertices, triangles, facets, runs)
     return Draft(vertices, triangles, faces[facets.of_triangle], kinds, None, edges)
 
 
-def label_faces(vertices: FloatArray, triangles: IntArray, numbers: IntArray) -> Draft:
+def label_faces(vertices: FloatArray, triangles: IntArray, numbers: IntArray, rounding: float = 0.0) -> Draft:
     """Make a face of connected triangles with the same number.
 
     Args:
         vertices: vertices ``(V, 3)`` [m].
         triangles: vertex indices ``(T, 3)``, outward.
         numbers: face number of each triangle ``(T,)``.
+        rounding: step to which the file rounds coordinates [m]; 0 for that of single precision.
 
     Returns:
         Mesh with its faces, numbered by their first triangle: planes if they are flat; cylinders, cones or spheres if
@@ -67,7 +69,7 @@ def label_faces(vertices: FloatArray, triangles: IntArray, numbers: IntArray) ->
     edges = MeshEdges(edges.ends[inner], edges.left[inner], edges.right[inner])
     labels = components(len(triangles), edges.left, edges.right)
     _, first, faces = np.unique(labels, return_index=True, return_inverse=True)
-    facets = find_facets(vertices, triangles, edges)
+    facets = find_facets(vertices, triangles, edges, rounding)
     owner = np.zeros(len(facets.areas), dtype=np.int64)
     owner[facets.of_triangle] = faces.reshape(-1)
     steepest = np.zeros(len(first))

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from tanteo.errors import PartError, UnitError
 from tanteo.geometry.typing import FloatArray, IntArray
+from tanteo.parts.faces.facets import rounding_of
 from tanteo.parts.faces.mesh_faces import label_faces, sort_faces
 from tanteo.parts.part import Part
 from tanteo.parts.readers.building import build_part
@@ -71,10 +72,11 @@ def draft_of_mesh(mesh: CadMesh, label: str, *, stated: bool) -> tuple[Draft, li
     if len(triangles):
         check_size(diagonal_of_points(vertices[compacted(triangles)[0]]) * METRES[unit], unit, label, stated=stated)
     points, corners, repairs = sound_mesh(vertices, triangles, label)
+    rounding = rounding_of(vertices) * METRES[unit]
     if mesh.faces is None:
-        return sort_faces(points * METRES[unit], corners), [*mesh.notes, *repairs]
+        return sort_faces(points * METRES[unit], corners, rounding), [*mesh.notes, *repairs]
     numbers = _carried(np.asarray(mesh.faces), vertices, triangles, points, corners)
-    return label_faces(points * METRES[unit], corners, numbers), [*mesh.notes, *repairs]
+    return label_faces(points * METRES[unit], corners, numbers, rounding), [*mesh.notes, *repairs]
 
 
 def part_of_mesh(mesh: CadMesh, name: str) -> Part:
