@@ -26,7 +26,7 @@ MOST = {
     "code lines of C++": 12900,
     "exported names": 451,
     "exported names without a user": 0,
-    "words of docs": 45810,
+    "words of docs": 45900,
     "live decisions": 40,
 }
 """Largest accepted figures. Lines and words may grow with new capabilities; the others may only fall."""
