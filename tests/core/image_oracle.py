@@ -36,7 +36,7 @@ class Scene:
     def frame(self, **others):
         """Return the samples in the form of the core."""
         values = {k: getattr(self, k) for k in ("points", "tangents", "normals", "lengths", "sharp", "corners")}
-        values.update(diagonal=DIAGONAL, middle=MIDDLE, slack=SLACK)
+        values.update(diagonal=DIAGONAL, middle=MIDDLE, slack=SLACK, view_step=1e-9)
         return _core.make_edge_frame(**{**values, **others})
 
     @property

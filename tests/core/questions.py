@@ -13,9 +13,23 @@ from tanteo.posterior.outliers import outlier_rates
 RADIUS = 0.1
 """Of the workspace [m]."""
 
+WIDTHS = _core.lane_widths()
+
 
 NAMES = "surface_point", "edge_point", "corner_point", "axis_centre", "surface_point", "sphere_centre", "cone_apex"
 """Kinds of measurements of the oracle, by number; the fifth is on a face that is not flat."""
+
+
+def per_width(answer):
+    """Return the answers with each width; the widest is in use afterwards."""
+    try:
+        found = []
+        for width in WIDTHS:
+            _core.set_lane_width(width)
+            found.append(answer())
+    finally:
+        _core.set_lane_width(WIDTHS[-1])
+    return found
 
 
 def fields_before_shared():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from core.image_oracle import Sliding, scene
+from core.questions import per_width
 from tanteo import _core
 from tanteo.geometry import SE3, SO3
 from tanteo.vision.settings import EDGES
@@ -54,6 +55,14 @@ def test_slid_drawings_keep_the_best_that_are_apart(seed, keep):
         if not any(turn <= 1 and gap <= APART for turn, gap in zip(turns, gaps, strict=True)):
             kept.append((a, p))
     assert list(zip(yaw.tolist(), place.tolist(), strict=True)) == kept[:keep]
+
+
+def test_every_width_slides_drawings_to_the_same_places():
+    s, Ts, t = sliding(3)
+    found = per_width(lambda: slide(s, Ts, t, 40))
+    for other in found[1:]:
+        for one, same in zip(found[0], other, strict=True):
+            np.testing.assert_array_equal(one, same)
 
 
 def test_a_drawing_that_cannot_be_slid_is_refused():

@@ -59,11 +59,12 @@ def foremost(groups, edge_hits):
     return out
 
 
-def from_grid(T):
+def from_grid(frame, T):
     """Return the pose with the eye on the nearest grid corner from which the core evaluates visibility."""
-    eye = SE3.inverse(T)[:3, 3]
-    step = 2.0 ** np.floor(np.log2(2e-3 * np.linalg.norm(eye)))
-    return SE3.from_parts(T[:3, :3], -T[:3, :3] @ (np.rint(eye / step) * step))
+    off, step = SE3.inverse(T)[:3, 3] - frame.middle, frame.view_step
+    far = np.exp(10 * step * np.rint(np.log(np.linalg.norm(off)) / (10 * step)))
+    eye = frame.middle + far * step * np.rint(off / np.linalg.norm(off) / step)
+    return SE3.from_parts(T[:3, :3], -T[:3, :3] @ eye)
 
 
 def by_edges(groups, values, spans):
@@ -135,7 +136,7 @@ def test_the_density_is_that_of_plain_numpy(scene):
     Ts = near(T, np.random.default_rng(1), 12)
     sums, expected = summed(factor, model, Ts), []
     for pose in Ts:
-        edge_hits = meet(frame, camera, edges, pose, EVIDENCE.reach, see_edges(frame, from_grid(pose)))
+        edge_hits = meet(frame, camera, edges, pose, EVIDENCE.reach, see_edges(frame, from_grid(frame, pose)))
         edge_hits = unbiased(edge_hits, points)
         q = np.where(edge_hits.seen.rims, 0.85, 0.65)
         c = factor.chance[edge_hits.points] / (2 * EVIDENCE.reach)

@@ -7,23 +7,10 @@ import pytest
 from scipy.special import ndtr, owens_t
 
 from core.bodies import flat_bodies, round_bodies
-from core.questions import anisotropic, near_pose, oriented, random_pose, touched, with_shared
+from core.questions import WIDTHS, anisotropic, near_pose, oriented, per_width, random_pose, touched, with_shared
 from tanteo import _core
 
 BODIES = {**flat_bodies(), **round_bodies()}
-WIDTHS = _core.lane_widths()
-
-
-def per_width(answer):
-    """Return the answers with each width; the widest is in use afterwards."""
-    try:
-        found = []
-        for width in WIDTHS:
-            _core.set_lane_width(width)
-            found.append(answer())
-    finally:
-        _core.set_lane_width(WIDTHS[-1])
-    return found
 
 
 @pytest.mark.parametrize("name", BODIES)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tanteo.geometry import SE3
 from tanteo.vision.camera import project
-from tanteo.vision.candidates import distinct
+from tanteo.vision.candidates import candidates_in, distinct
+from tanteo.vision.image_edges import ImageEdges
 from tanteo.vision.propose import edge_costs, propose, slides
-from tanteo.vision.regions import find_regions
+from tanteo.vision.regions import dilated, find_regions
 from tanteo.vision.settings import EVIDENCE, SEARCH
+from tanteo.vision.table import TableErrors
 from vision_scenes import bracket, seen_alone
 
 
@@ -48,6 +52,18 @@ def test_a_first_pose_is_next_to_truth_and_costs_what_it_should(model, seen):
     assert best.any()
     assert proposal.costs[best].min() == proposal.costs[first].min()
     assert proposal.costs[best].min() < 3.0
+
+
+def test_a_part_is_proposed_in_no_far_smaller_region(model, seen):
+    camera, edges, region, _ = seen
+    chance = np.full(len(edges.points), EVIDENCE.rarest)
+    image, costs, table = ImageEdges(camera, edges, chance), edge_costs(edges, chance), TableErrors()
+    found = []
+    for size in (1.0, 0.5, 0.1):
+        one = replace(region, contour=region.centre + size * (region.contour - region.centre))
+        found.append(candidates_in([model], image, SE3.inverse(camera.T_world_camera), one, costs, table))
+    assert [len(poses) for _, poses in found] == [1, 1, 0]
+    assert found[2][0].log_unknown == image.with_unknown_in(dilated(region.mask)).log_unknown
 
 
 def test_frequent_edges_cost_more_than_rare_ones(seen):

@@ -338,6 +338,7 @@ def make_edge_frame(
     diagonal: float,
     middle: FloatArray,
     slack: float,
+    view_step: float,
 ) -> EdgeFrame: ...
 def visible_edges(frame: EdgeFrame, poses: FloatArray, hidden: bool) -> tuple[Flags, Flags]: ...
 def match_edges(

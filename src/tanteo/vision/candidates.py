@@ -11,11 +11,12 @@ from tanteo import _core
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.posterior import DEFAULTS
+from tanteo.vision.camera import on_plane
 from tanteo.vision.fit import beside, pixel_length, refine
 from tanteo.vision.image_edges import ImageEdges
 from tanteo.vision.models import VisionModel, lay
 from tanteo.vision.propose import propose, slides
-from tanteo.vision.regions import Region, dilated
+from tanteo.vision.regions import Region, dilated, hull_area
 from tanteo.vision.settings import EVIDENCE, SEARCH
 from tanteo.vision.table import TableErrors, lying_information
 from tanteo.vision.wireframe import in_camera
@@ -60,11 +61,15 @@ def candidates_in(
     """
     camera, edges = image.camera, image.edges
     ways = ways or [np.arange(len(model.rests)) for model in models]
-    proposals = _first_poses(models, ways, image, T_camera_table, region, costs, table)
-    scores = np.concatenate([score for _, _, score in proposals])
+    # of a part whose edges show, a region covers most; texture makes many small regions
+    most = hull_area(on_plane(camera, region.contour, T_camera_table)[:, :2]) / EVIDENCE.least_share
+    tried = [(model, own[model.areas[own] < most]) for model, own in zip(models, ways, strict=True)]
+    tried = [(model, own) for model, own in tried if len(own)]
+    proposals = _first_poses(tried, image, T_camera_table, region, costs, table)
+    scores = np.concatenate([np.zeros(0), *(score for _, _, score in proposals)])
     least = max(np.sort(scores)[-3 * SEARCH.kept :][0], -1e9) if len(scores) else 0.0
     out = []
-    for model, (T, rests, score) in zip(models, proposals, strict=True):
+    for (model, _), (T, rests, score) in zip(tried, proposals, strict=True):
         # the best pose of each part is kept, so that every part has an evidence
         keep = (score >= least) | (score >= score.max(initial=-np.inf))
         if not keep.any():
@@ -95,8 +100,7 @@ def with_unknown(image: ImageEdges, region: Region, found: Sequence[PoseCandidat
 
 
 def _first_poses(
-    models: Sequence[VisionModel],
-    ways: Sequence[IntArray],
+    tried: Sequence[tuple[VisionModel, IntArray]],
     image: ImageEdges,
     T_camera_table: Transforms,
     region: Region,
@@ -107,7 +111,7 @@ def _first_poses(
     camera, edges = image.camera, image.edges
     places = slides(region, camera)
     out = []
-    for model, own in zip(models, ways, strict=True):
+    for model, own in tried:
         proposal = propose(model, own, camera, T_camera_table, costs, places)
         prior = _lying(model, T_camera_table, proposal.T_camera_part, table)
         T = refine(

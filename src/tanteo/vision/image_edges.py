@@ -82,6 +82,7 @@ class ImageEdges(PoseFactor):
         proposed: poses ``T_world_part`` of each part that the image suggests.
         levels: for each part, reference poses ``T_world_part`` and a constant for each. The log density of a pose is
             reduced by the constant of the nearest reference pose. None before the constants are known.
+        image: camera, edges and chance for the core; compiled if not given.
     """
 
     camera: Camera
@@ -91,9 +92,11 @@ class ImageEdges(PoseFactor):
     log_unknown: float = 0.0
     proposed: Mapping[Part, Transforms] = field(default_factory=dict)
     levels: Mapping[Part, tuple[Transforms, FloatArray]] | None = None
-    image: _core.EdgeImage = field(init=False, repr=False)
+    image: _core.EdgeImage = field(default=None, repr=False)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
+        if self.image is not None:
+            return
         points, camera = self.edges.points, self.camera
         mounting = camera.mounting
         root, mount = _root(camera.covariance), _root(None if mounting is None else mounting.covariance)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from tanteo import _core
 from tanteo.catalogue import known_stable_poses
 from tanteo.catalogue.stability import StablePose
 from tanteo.geometry import SE3, SO3
-from tanteo.geometry.typing import Transforms, Vectors
+from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.parts import Part
 from tanteo.vision.settings import SEARCH
 from tanteo.vision.wireframe import Wireframe, wireframe
@@ -35,6 +36,7 @@ class VisionModel:
         coarse: few samples of its edges, for the first rounds.
         inner: evenly dense points of its surface ``(k, 3)``, part frame [m].
         rests: its stable poses on a table.
+        areas: area of the convex hull of the part as seen from above, in each stable pose ``(k,)`` [m^2].
         seen: the part compiled for the image factor.
         seen_coarsely: the same with few samples of its edges.
     """
@@ -44,6 +46,7 @@ class VisionModel:
     coarse: Wireframe
     inner: Vectors
     rests: tuple[StablePose, ...]
+    areas: FloatArray
     seen: _core.EdgePart
     seen_coarsely: _core.EdgePart
 
@@ -51,11 +54,22 @@ class VisionModel:
 def prepare_vision(part: Part) -> VisionModel:
     """Prepare a part for images. The result stays with the part."""
     if "vision" not in part.derived:
-        frame, coarse, ways = wireframe(part), wireframe(part, SEARCH.coarse), known_stable_poses(part)
+        frame, ways = wireframe(part), known_stable_poses(part)
+        # first poses are half of the angle between two yaws off
+        coarse = wireframe(part, SEARCH.coarse, np.pi / SEARCH.yaws)
         inner, _ = spread(part)
-        part.derived["vision"] = VisionModel(part, frame, coarse, inner, ways, _seen(frame, part), _seen(coarse, part))
+        part.derived["vision"] = VisionModel(
+            part, frame, coarse, inner, ways, _areas(part, ways), _seen(frame, part), _seen(coarse, part)
+        )
     model: VisionModel = part.derived["vision"]
     return model
+
+
+def _areas(part: Part, rests: Sequence[StablePose]) -> FloatArray:
+    """Return the area of the convex hull of a part as seen from above, in each stable pose ``(k,)`` [m^2]."""
+    from scipy.spatial import ConvexHull
+
+    return np.array([ConvexHull(SE3.apply(one.T_table_part, part.vertices)[:, :2]).volume for one in rests])
 
 
 def _seen(frame: Wireframe, part: Part) -> _core.EdgePart:

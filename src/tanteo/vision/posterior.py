@@ -269,17 +269,19 @@ def infer(
             included, and of a part that explains no edge.
         left_out: number of excluded parts.
     """
-    if not any(len(Ts) for _, Ts in proposals):
+    rows = [k for k, (_, Ts) in enumerate(proposals) if len(Ts)]
+    if not rows:
         return ImagePosterior(count=left_out)
     priors = sized(Priors(), max(0.5 * model.part.diagonal for model, _ in proposals))
-    images, problem, searches = searched(images, [(model.part, Ts) for model, Ts in proposals], priors, lying)
+    images, problem, searches = searched(images, [(proposals[k][0].part, proposals[k][1]) for k in rows], priors, lying)
     unknown = sum(image.log_unknown for image in images)
     known = float(np.log1p(-problem.priors.unknown))
     prior = known - float(np.log(count))
-    evidence = np.array([_evidence(images, search, lying) + prior for search in searches])
+    evidence = np.full(len(proposals), -np.inf)
+    evidence[rows] = [_evidence(images, search, lying) + prior for search in searches]
     anywhere = float(np.log(problem.priors.unknown)) + unknown
     least = float(log_sum([anywhere, *evidence])) + float(np.log(DEFAULTS.samples.region))
-    likely = [s for s, own in zip(searches, evidence, strict=True) if own > least or own == evidence.max()]
+    likely = [s for s, own in zip(searches, evidence[rows], strict=True) if own > least or own == evidence.max()]
     excluded = log_left_out(evidence, unknown + known)
     total = float(log_sum([anywhere, excluded, *evidence]))
     modes: tuple[Mode, ...] = ()

@@ -202,6 +202,14 @@ def hulls(regions: Sequence[Region]) -> BoolArray:
     return covered.view(np.bool_)
 
 
+def hull_area(places: FloatArray) -> float:
+    """Return the area of the convex hull of places in a plane ``(n, 2)``, infinite if one is at infinity."""
+    if not np.all(np.isfinite(places)):
+        return np.inf
+    cv2 = opencv()
+    return float(cv2.contourArea(cv2.convexHull(places.astype(np.float32))))
+
+
 def surroundings(region: Region) -> BoolArray:
     """Return the pixels at which parts of a region are proposed ``(rows, columns)``: its convex hull and a margin.
 

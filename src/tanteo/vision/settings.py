@@ -123,6 +123,8 @@ class EvidenceSettings:
         same_direction: cosine between directions of such samples. Decision 38.
         most_pulled: largest displacement of an edge by blur that is corrected [px]. Decision 73.
         same_pose: shift between two poses that are one, as a share of the part's diagonal. Decision 87.
+        least_share: least area of the convex hull of a region, over that of the outline of a part that is proposed in
+            it. A fifth of the least in 61 photographs: ``python benchmarks/photographs.py cluttered,textured 8 63``.
         missed: probability that the true pose is not proposed: 3 of 74 (``python benchmarks/vision_fit.py 102``).
     """
 
@@ -140,6 +142,7 @@ class EvidenceSettings:
     same_direction: float = 0.9
     most_pulled: float = 0.5
     same_pose: float = 0.02
+    least_share: float = 0.2
     missed: float = 0.04
 
     @property
@@ -184,7 +187,6 @@ class SearchSettings:
         sharp: angle between two faces from which their edge may be visible. Two segments that meet at more make a
             corner, two that meet at less may be one line [rad].
         yaws: number of yaws at which a part is tried. ``benchmarks/photographs.py cluttered``.
-        tried: number of poses of a part that are refined on few samples.
         kept: number of poses of a part that are refined to the end; three times as many of all parts on a table.
         rounds: number of rounds of a robust fit whose reach shrinks.
         likely: log density below the best from which a pose gets others next to it [nats]. Decision 40.
@@ -204,7 +206,6 @@ class SearchSettings:
     rim_samples: int = 12
     sharp: float = float(np.pi / 15)
     yaws: int = 108
-    tried: int = 240
     kept: int = 48
     rounds: int = 11
     likely: float = 6.0
@@ -227,6 +228,11 @@ class SearchSettings:
         every = np.geomspace(EVIDENCE.stretch, 1, self.rounds)
         slack = np.sqrt(every[0] / every[1])
         return np.asarray(every[(every < first * slack) & (every > last / slack)])
+
+    @property
+    def tried(self) -> int:
+        """Number of poses of a part that are refined on few samples: five times as many as to the end."""
+        return 5 * self.kept
 
     @property
     def first_reaches(self) -> FloatArray:

@@ -22,6 +22,9 @@ _EXACT = 1e-4
 """Numerical: sine of the angle between triangles of one plane; distance of a vertex from the circle that it is on, as a
 share of the part's diagonal. Meshes have more digits."""
 
+_VIEW_STEP = 2e-3
+"""Numerical: angle between cameras that share a view [rad], so that the poses of one maximum share a few views."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Wireframe(Value):
@@ -39,6 +42,7 @@ class Wireframe(Value):
         surface: surface of the part.
         diagonal: diagonal of the box of the part [m].
         middle: centroid of the part, about which it moves ``(3,)``, part frame [m].
+        view_step: angle between two places of the camera from which the same samples are visible [rad].
         scale: motions by the diagonal, or by a radian about the middle, as columns ``(6, 6)`` [m, rad].
         to_unit: inverse of the scale.
         compiled: the wireframe for the core.
@@ -54,6 +58,7 @@ class Wireframe(Value):
     surface: Surface
     diagonal: float
     middle: Vectors
+    view_step: float = _VIEW_STEP
     scale: FloatArray = field(init=False, repr=False)
     to_unit: FloatArray = field(init=False, repr=False)
     compiled: _core.EdgeFrame = field(init=False, repr=False)
@@ -62,6 +67,7 @@ class Wireframe(Value):
         compiled = _core.make_edge_frame(
             self.points, self.tangents, self.normals, self.lengths, self.sharp,
             self.surface.vertices[self.surface.triangles], self.diagonal, self.middle, 2 * _EXACT * self.diagonal,
+            self.view_step,
         )  # fmt: skip
         scale = motion_scale(self.diagonal, self.middle)
         for name, value in (("scale", scale), ("to_unit", np.linalg.inv(scale)), ("compiled", compiled)):
@@ -76,7 +82,7 @@ class Wireframe(Value):
         return len(self.points)
 
 
-def wireframe(part: Part, samples: int = SEARCH.samples) -> Wireframe:
+def wireframe(part: Part, samples: int = SEARCH.samples, view_step: float = _VIEW_STEP) -> Wireframe:
     """Sample the edges of a part, with about ``samples`` samples on its sharp edges.
 
     Vertices are numbered by their coordinates, so that another order of vertices in the file gives the same samples.
@@ -107,6 +113,7 @@ def wireframe(part: Part, samples: int = SEARCH.samples) -> Wireframe:
         surface=surface,
         diagonal=part.diagonal,
         middle=part.centroid,
+        view_step=view_step,
     )
 
 

@@ -15,7 +15,7 @@ using namespace nb::literals;
 
 std::shared_ptr<EdgeFrame> make_edge_frame(Doubles points, Doubles tangents, Doubles normals, Doubles lengths,
                                            Flags sharp, Doubles corners, double diagonal, Doubles middle,
-                                           double slack) {
+                                           double slack, double view_step) {
     const std::vector<Vec3> at = vectors(points, "points");
     expect(tangents, "tangents", {at.size(), 3});
     expect(normals, "normals", {at.size(), 2, 3});
@@ -31,7 +31,7 @@ std::shared_ptr<EdgeFrame> make_edge_frame(Doubles points, Doubles tangents, Dou
     for (size_t k = 0; k < corners.size(); k += 3) surface.push_back(load(corners.data() + k));
     return std::make_shared<EdgeFrame>(std::move(samples), sides,
                                        std::vector<char>(sharp.data(), sharp.data() + sharp.size()), surface, diagonal,
-                                       vector(middle, "middle"), slack);
+                                       vector(middle, "middle"), slack, expect(view_step, "view_step", 1e-12, 1.0));
 }
 
 EdgePoints edge_points(const Ints& nearest, const Doubles& pixels, const Doubles& sds) {
@@ -109,7 +109,7 @@ Out refine_edges(const EdgeFrame& frame, Doubles camera, Ints nearest, Doubles p
 void offer_images(nb::module_& m) {
     nb::class_<EdgeFrame>(m, "EdgeFrame").def_prop_ro("size", &EdgeFrame::size);
     m.def("make_edge_frame", &make_edge_frame, "points"_a, "tangents"_a, "normals"_a, "lengths"_a, "sharp"_a,
-          "corners"_a, "diagonal"_a, "middle"_a, "slack"_a);
+          "corners"_a, "diagonal"_a, "middle"_a, "slack"_a, "view_step"_a);
     m.def("visible_edges", &visible_edges, "frame"_a, "poses"_a, "hidden"_a);
     m.def("match_edges", &match_edges, "frame"_a, "camera"_a, "nearest"_a, "pixels"_a, "sds"_a, "poses"_a, "shown"_a,
           "reach"_a);

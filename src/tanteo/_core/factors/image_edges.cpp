@@ -9,11 +9,6 @@ namespace tanteo {
 
 namespace {
 
-// Visibility is computed for camera centres on a grid of this fraction of their distance (0.1 degrees), so that the poses
-// of one maximum share a few views.
-constexpr double EYE_STEP = 2e-3;
-constexpr size_t MOST_VIEWS = 4096;
-
 constexpr int MOST_COLUMNS = 21;
 
 // Slope of a sum over the states of one image, which are few of all.
@@ -68,27 +63,6 @@ ImageEdges::ImageEdges(std::shared_ptr<const EdgePart> part_, std::shared_ptr<co
 
 double ImageEdges::add(const State& state, const Slope* slope) const { return evaluate(state, slope).log; }
 
-// The view from the grid point nearest to the camera centre; it does not depend on earlier calls.
-std::shared_ptr<const ImageEdges::View> ImageEdges::view_from(const Vec3& eye) const {
-    const int power = static_cast<int>(std::floor(std::log2(std::max(EYE_STEP * norm(eye), 1e-9))));
-    const double step = std::ldexp(1.0, power);
-    const std::array<int64_t, 4> key{power, std::llround(eye.x / step), std::llround(eye.y / step),
-                                     std::llround(eye.z / step)};
-    {
-        const std::lock_guard<std::mutex> lock(mutex);
-        const auto known = views.find(key);
-        if (known != views.end()) return known->second;
-    }
-    auto view = std::make_shared<View>();
-    view->shown.resize(part->frame->size());
-    view->rims.resize(part->frame->size());
-    part->frame->mark(step * Vec3{double(key[1]), double(key[2]), double(key[3])}, true, view->shown.data(),
-                      view->rims.data());
-    const std::lock_guard<std::mutex> lock(mutex);
-    if (views.size() >= MOST_VIEWS) views.clear();
-    return views.emplace(key, std::move(view)).first->second;
-}
-
 // The level of the nearest pose, by the mean squared distance of the part's marks. Beyond a fraction `near` of their spread
 // it is at least `least`: the constants of poses at which few edges match apply to no other poses.
 double ImageEdges::level_at(const Pose& T, double least) const {
@@ -135,7 +109,7 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
     }
     const double response = 0.5 + (image->has_response ? 0.5 * z[own - 1] : 0);
     const Pose pose{transposed(camera.R) * state.pose.R, into_part(camera, state.pose.t)};  // part in the camera frame
-    const std::shared_ptr<const View> view = view_from(into_part(pose, {}));
+    const std::shared_ptr<const EdgeView> view = frame.view_from(into_part(pose, {}));
 
     int columns[MOST_COLUMNS];
     for (int c = 0; c < 6 + states; ++c) columns[c] = c < 6 ? c : c < 6 + own ? first + c : common + c - own;

@@ -46,9 +46,7 @@
 // curve z_r.
 #pragma once
 #include <algorithm>
-#include <map>
 #include <memory>
-#include <mutex>
 #include <array>
 #include <vector>
 
@@ -131,14 +129,10 @@ class ImageEdges : public PoseTerm {
     Sums sums(const State& state) const { return evaluate(state, nullptr); }
 
   private:
-    struct View {
-        std::vector<char> shown, rims;
-    };
     struct Sample;
     Sums evaluate(const State& state, const Slope* slope) const;
     void locate(const std::vector<Sample>& all, const std::vector<char>& clear, Sums& sums, const Slope* slope,
                 const int* columns, int count) const;
-    std::shared_ptr<const View> view_from(const Vec3& eye) const;
     double level_at(const Pose& T_world_part, double least) const;
 
     std::shared_ptr<const EdgePart> part;
@@ -148,8 +142,6 @@ class ImageEdges : public PoseTerm {
     double reach;
     int first, common;
     EdgePoints points;
-    mutable std::mutex mutex;
-    mutable std::map<std::array<int64_t, 4>, std::shared_ptr<const View>> views;
 };
 
 }  // namespace tanteo

@@ -60,13 +60,13 @@ Pose refined(const EdgeFrame& frame, const Lens& lens, const EdgePoints& points,
     const double length = frame.diagonal;
     const Pose prior_mean = about(start, frame.middle);
     Pose T = about(pose, frame.middle);
-    std::vector<char> shown(N), rims(N);
+    std::shared_ptr<const EdgeView> view;
     const auto equations = [&](int k) {
         const Round& round = rounds[k];
-        if (round.visibility) frame.mark({T.R, T.t - T.R * frame.middle}, true, shown.data(), rims.data());
+        if (round.visibility || !view) view = frame.view_from(into_part({T.R, T.t - T.R * frame.middle}, {}));
         NormalEquations<6> at;
         for (size_t s = 0; s < N; ++s) {
-            if (!shown[s]) continue;
+            if (!view->shown[s]) continue;
             EdgeSample sample = frame.samples[s];
             sample.at = sample.at - frame.middle;
             const EdgeMatch match = match_edge(lens, points, sample, T, true, frame.diagonal, round.reach);

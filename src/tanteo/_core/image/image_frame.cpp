@@ -6,6 +6,8 @@ namespace tanteo {
 
 namespace {
 
+constexpr size_t MOST_VIEWS = 4096;
+
 std::vector<Box> boxes_of(const std::vector<Vec3>& corners) {
     std::vector<Box> out(corners.size() / 3);
     for (size_t k = 0; k < corners.size(); ++k) out[k / 3].add(corners[k]);
@@ -15,8 +17,14 @@ std::vector<Box> boxes_of(const std::vector<Vec3>& corners) {
 }  // namespace
 
 EdgeFrame::EdgeFrame(std::vector<EdgeSample> samples, const std::vector<Vec3>& normals, std::vector<char> sharp,
-                     const std::vector<Vec3>& corners, double diagonal, const Vec3& middle, double slack)
-    : samples(std::move(samples)), diagonal(diagonal), middle(middle), sharp(std::move(sharp)), slack(slack) {
+                     const std::vector<Vec3>& corners, double diagonal, const Vec3& middle, double slack,
+                     double view_step)
+    : samples(std::move(samples)),
+      diagonal(diagonal),
+      middle(middle),
+      sharp(std::move(sharp)),
+      slack(slack),
+      view_step(view_step) {
     for (size_t k = 0; k < size(); ++k) {
         const Vec3 &at = this->samples[k].at, lift = normals[2 * k] + normals[2 * k + 1];
         for (size_t j = 2 * k; j < 2 * k + 2; ++j) sides.push_back({normals[j], dot(at, normals[j])});
@@ -56,6 +64,27 @@ void EdgeFrame::mark(const Vec3& eye, bool hidden, char* shown, char* rims) cons
         rims[k] = first != second;
         shown[k] = (rims[k] || (sharp[k] && first && second)) && !(hidden && hides(eye, lifted[k], by));
     }
+}
+
+// A part is seldom larger than a tenth of its distance, so that ten steps of the distance turn no ray by more than a step.
+std::shared_ptr<const EdgeView> EdgeFrame::view_from(const Vec3& eye) const {
+    const Vec3 off = eye - middle;
+    const double apart = 10 * view_step, far = std::round(std::log(std::max(norm(off), 1e-9)) / apart);
+    const Vec3 at = (1 / (std::max(norm(off), 1e-9) * view_step)) * off;
+    const std::array<int64_t, 4> key{static_cast<int64_t>(far), std::llround(at.x), std::llround(at.y), std::llround(at.z)};
+    {
+        const std::lock_guard<std::mutex> lock(mutex);
+        const auto known = views.find(key);
+        if (known != views.end()) return known->second;
+    }
+    auto view = std::make_shared<EdgeView>();
+    view->shown.resize(size());
+    view->rims.resize(size());
+    const double step = std::exp(far * apart) * view_step;
+    mark(middle + step * Vec3{double(key[1]), double(key[2]), double(key[3])}, true, view->shown.data(), view->rims.data());
+    const std::lock_guard<std::mutex> lock(mutex);
+    if (views.size() >= MOST_VIEWS) views.clear();
+    return views.emplace(key, std::move(view)).first->second;
 }
 
 }  // namespace tanteo

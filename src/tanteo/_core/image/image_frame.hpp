@@ -1,5 +1,9 @@
 // The edges of a part as samples, their visibility from a camera, and refinement of the pose on the edges of an image.
 #pragma once
+#include <array>
+#include <map>
+#include <memory>
+#include <mutex>
 #include <vector>
 
 #include "shape/bvh.hpp"
@@ -7,12 +11,18 @@
 
 namespace tanteo {
 
+// Visible samples of edges from a camera centre, and those on the outline (rim).
+struct EdgeView {
+    std::vector<char> shown, rims;
+};
+
 class EdgeFrame {
   public:
     // normals: two for each sample, those of its adjacent faces; corners: three for each triangle of the surface;
-    // slack: distance by which a sample is lifted off the surface for the visibility test [m]
+    // slack: distance by which a sample is lifted off the surface for the visibility test [m]; view_step: angle between two
+    // camera centres that share a view [rad]
     EdgeFrame(std::vector<EdgeSample> samples, const std::vector<Vec3>& normals, std::vector<char> sharp,
-              const std::vector<Vec3>& corners, double diagonal, const Vec3& middle, double slack);
+              const std::vector<Vec3>& corners, double diagonal, const Vec3& middle, double slack, double view_step);
 
     size_t size() const { return samples.size(); }
     // Marks whether each sample is a visible edge at a pose in the camera frame, and whether it is on the outline (rim);
@@ -20,6 +30,9 @@ class EdgeFrame {
     void mark(const Pose& T, bool hidden, char* shown, char* rims) const { mark(into_part(T, {}), hidden, shown, rims); }
     // The same for a camera centre in the part frame.
     void mark(const Vec3& eye, bool hidden, char* shown, char* rims) const;
+    // The view from the point nearest to a camera centre (part frame) on a grid of directions and distances, for all
+    // callers. It does not depend on earlier calls.
+    std::shared_ptr<const EdgeView> view_from(const Vec3& eye) const;
 
     std::vector<EdgeSample> samples;
     double diagonal;
@@ -41,7 +54,9 @@ class EdgeFrame {
     std::vector<Vec3> lifted;
     std::vector<Triangle> triangles;
     Bvh tree;
-    double slack;
+    double slack, view_step;
+    mutable std::mutex mutex;
+    mutable std::map<std::array<int64_t, 4>, std::shared_ptr<const EdgeView>> views;
 };
 
 struct Round {  // of a refinement

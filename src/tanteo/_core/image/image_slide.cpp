@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <utility>
 
+#include "lanes/lane_kernels.hpp"
+
 namespace tanteo {
 
 namespace {
@@ -36,8 +38,7 @@ std::vector<int64_t> draw(const EdgeFrame& frame, const Lens& lens, const Pose& 
                           const SlideTables& tables, const std::vector<int>& order) {
     const auto at = [&](const Vec3& p) { return project(lens, pose.R * p + pose.t); };
     const size_t N = frame.size();
-    std::vector<char> shown(N), rims(N);
-    frame.mark(pose, true, shown.data(), rims.data());
+    const auto view = frame.view_from(into_part(pose, {}));
     std::vector<Pixel> pixels(N), along(N);
     std::vector<double> upto(N);
     double total = 0;
@@ -47,7 +48,7 @@ std::vector<int64_t> draw(const EdgeFrame& frame, const Lens& lens, const Pose& 
         const Pixel beside = at(s.at + 1e-3 * s.along);
         along[k] = {beside.x - pixels[k].x, beside.y - pixels[k].y};
         const double span = std::sqrt(along[k].x * along[k].x + along[k].y * along[k].y) * s.length;
-        total += shown[k] && span > 0 ? span : 0;
+        total += view->shown[k] && span > 0 ? span : 0;
         upto[k] = total;
     }
     std::vector<int64_t> out;
@@ -64,18 +65,6 @@ double sum_under(const float* from, const std::vector<int64_t>& offsets) {
     double sum = 0;
     for (const int64_t offset : offsets) sum += from[offset];
     return sum;
-}
-
-// Sums of a table at offsets from each of so many cells of a row, side by side, four offsets at once.
-void sums_along(const uint16_t* from, const std::vector<int64_t>& offsets, size_t cells, std::vector<uint16_t>& sums) {
-    sums.assign(cells, 0);
-    size_t k = 0;
-    for (; k + 4 <= offsets.size(); k += 4) {
-        const uint16_t *a = from + offsets[k], *b = from + offsets[k + 1], *c = from + offsets[k + 2], *d = from + offsets[k + 3];
-        for (size_t n = 0; n < cells; ++n) sums[n] += a[n] + b[n] + c[n] + d[n];
-    }
-    for (; k < offsets.size(); ++k)
-        for (size_t n = 0; n < cells; ++n) sums[n] += from[offsets[k] + n];
 }
 
 // Consecutive positions of one row of cells.
@@ -129,8 +118,8 @@ struct Ranks {
             }
         const double highest = std::max<double>(1e-9, *std::max_element(reached.begin(), reached.end()));
         scale = std::max(std::floor(65535.0 / samples), 1.0) / highest;
-        costs.resize(reached.size());
-        for (size_t k = 0; k < costs.size(); ++k) costs[k] = static_cast<uint16_t>(std::max(0.0f, reached[k]) * scale + 0.5);
+        costs.resize(reached.size() + SPARE_SHORTS);
+        for (size_t k = 0; k < reached.size(); ++k) costs[k] = static_cast<uint16_t>(std::max(0.0f, reached[k]) * scale + 0.5);
     }
     int64_t place(int64_t cell) const { return (cell / tables.columns - row) * columns + cell % tables.columns - column; }
     int64_t offset(int64_t cell) const {
@@ -210,6 +199,7 @@ std::vector<Slid> slid(const EdgeFrame& frame, const Lens& lens, const std::vect
     const std::vector<Run> runs = runs_of(in_ranks, places);
 
     Cheapest cheapest(EVALUATED * rules.keep);
+    const LaneKernels& kernels = lane_kernels();
     std::vector<uint16_t> sums;
     std::vector<int64_t> drawn;
     for (size_t yaw = 0; yaw < yaws.size(); ++yaw) {
@@ -217,7 +207,8 @@ std::vector<Slid> slid(const EdgeFrame& frame, const Lens& lens, const std::vect
         for (const int64_t offset : drawings[yaw]) drawn.push_back(ranks.offset(offset));
         const double whole = ranks.scale * drawn.size();
         for (const Run& run : runs) {
-            sums_along(ranks.costs.data() + run.from, drawn, run.cells, sums);
+            sums.resize(std::max(sums.size(), run.cells + SPARE_SHORTS));
+            kernels.sums_under(ranks.costs.data() + run.from, drawn.data(), drawn.size(), run.cells, sums.data());
             double limit = cheapest.limit() * whole;
             for (size_t k = run.first; k < run.first + run.count; ++k) {
                 const uint16_t sum = sums[in_ranks[k] - run.from];

@@ -1,11 +1,13 @@
 // The arithmetic that runs in lanes, compiled once for each width and chosen when the program starts.
 #pragma once
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 namespace tanteo {
 
 constexpr size_t WIDEST_LANES = 8;  // arrays of the kernels have a multiple of this size
+constexpr size_t SPARE_SHORTS = 16 * WIDEST_LANES;
 
 // The pieces of an edge in the plane of a standard normal density, by what is to be integrated. An end of an edge further
 // than ENDLESS from the foot of the perpendicular is at infinity.
@@ -40,6 +42,9 @@ struct LaneKernels {
     void (*exponentials)(double* x, size_t count);
     void (*edges[EDGE_KINDS])(const EdgeArrays& edges, size_t count, bool with_slope);  // wedges alone without the slope
     void (*cover)(const RayArrays& rays, int first, int end, const SeenTriangle& triangle);
+    // Sums of a table at so many offsets from each of so many consecutive cells, modulo 2^16. Table and sums have SPARE_SHORTS
+    // elements more than are used.
+    void (*sums_under)(const uint16_t* from, const int64_t* offsets, size_t count, size_t cells, uint16_t* sums);
 };
 
 // The kernels in use: the widest that the processor has, unless another width was set. Results do not depend on it.

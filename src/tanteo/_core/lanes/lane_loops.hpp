@@ -171,8 +171,30 @@ void cover(const RayArrays& rays, int first, int end, const SeenTriangle& triang
     }
 }
 
-constexpr LaneKernels KERNELS{
-    LANES, exponentials, {tiny_edges, short_edges, whole_edges, edges_with_one_end, edges_with_two_ends}, cover};
+#if LANES == 1
+using S = uint16_t;
+#else
+typedef uint16_t S __attribute__((vector_size(8 * LANES)));
+#endif
+constexpr size_t SHORTS = sizeof(S) / sizeof(uint16_t);
+
+// Sums of N lanes each, from the first of so many offsets on.
+template <int N>
+inline void sum_under(const uint16_t* from, const int64_t* offsets, size_t count, uint16_t* sums) {
+    S all[N]{};
+    for (size_t k = 0; k < count; ++k)
+        for (int n = 0; n < N; ++n) all[n] += load_many<S>(from + offsets[k] + n * SHORTS);
+    std::memcpy(sums, all, sizeof all);
+}
+
+void sums_under(const uint16_t* from, const int64_t* offsets, size_t count, size_t cells, uint16_t* sums) {
+    size_t n = 0;
+    for (; n + 3 * SHORTS < cells; n += 4 * SHORTS) sum_under<4>(from + n, offsets, count, sums + n);
+    for (; n < cells; n += SHORTS) sum_under<1>(from + n, offsets, count, sums + n);
+}
+
+constexpr LaneKernels KERNELS{LANES, exponentials, {tiny_edges, short_edges, whole_edges, edges_with_one_end, edges_with_two_ends},
+                              cover, sums_under};
 
 }  // namespace
 }  // namespace tanteo
