@@ -71,12 +71,44 @@ def beams(solid, n, rng, tilt=0.6):
         facing = np.sum(d * normal, axis=1) < -0.3
         hits = surface.cast(p - REACH * d, d)
         ok = facing & (np.abs(hits.distances - REACH) < 1e-7)
-        for _ in range(3 if curved is not None else 0):
-            off, n_there = np.zeros(len(p)), np.array(normal)
-            curved.replace(p, np.maximum(hits.triangles, 0), off, n_there)
-            p = p - (off / np.minimum(np.sum(d * n_there, axis=1), -0.1))[:, None] * d
+        p = _exact(curved, p, d, normal, hits.triangles)
         points, directions = np.concatenate([points, p[ok]]), np.concatenate([directions, d[ok]])
     return points[:n], directions[:n]
+
+
+def _exact(curved, p, d, normals, triangles):
+    """Return points of a mesh moved along directions onto the exact faces."""
+    for _ in range(3 if curved is not None else 0):
+        off, n_there = np.zeros(len(p)), np.array(normals)
+        curved.replace(p, np.maximum(triangles, 0), off, n_there)
+        p = p - (off / np.minimum(np.sum(d * n_there, axis=1), -0.1))[:, None] * d
+    return p
+
+
+def fan_hits(solid, angles, distance, n, rng):
+    """Return poses of a fan of beams about a part, and the index and range of each beam that meets it within 60 deg.
+
+    The beams leave the origin of a pose in its x-z plane at some angles from z.
+    """
+    surface, curved = _both(solid)
+    own = np.stack([np.sin(angles), np.zeros(len(angles)), np.cos(angles)], axis=1)
+    centre, Ts, beams, ranges = solid.part.centroid, np.zeros((0, 4, 4)), np.zeros(0, dtype=int), np.zeros(0)
+    while len(Ts) < n:
+        z = rng.normal(size=3)
+        z /= np.linalg.norm(z)
+        x = np.cross(z, rng.normal(size=3))
+        x /= np.linalg.norm(x)
+        T = SE3.from_parts(np.stack([x, np.cross(z, x), z], axis=1), centre - distance * z)
+        d = own @ T[:3, :3].T
+        hits = surface.cast(np.tile(T[:3, 3], (len(d), 1)), d)
+        rows = np.flatnonzero(np.isfinite(hits.distances))
+        p, normals = T[:3, 3] + hits.distances[rows, None] * d[rows], surface.normals[hits.triangles[rows]]
+        steep = np.sum(d[rows] * normals, axis=1) < -0.5
+        p = _exact(curved, p, d[rows], normals, hits.triangles[rows])[steep]
+        rows = rows[steep]
+        Ts = np.concatenate([Ts, np.tile(T, (len(rows), 1, 1))])
+        beams, ranges = np.append(beams, rows), np.append(ranges, np.linalg.norm(p - T[:3, 3], axis=1))
+    return Ts[:n], beams[:n], ranges[:n]
 
 
 def _both(solid):

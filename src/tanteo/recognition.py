@@ -37,10 +37,11 @@ from tanteo.sensors import (
     unstated_sd,
 )
 from tanteo.sensors.anomalies import without_repeats
-from tanteo.sensors.error_states import ErrorState, Offset, made_surface, on_faces
+from tanteo.sensors.error_states import ANGLES, MOUNTED, ErrorState, Offset, made_surface, on_faces
 from tanteo.sensors.presets import RobotPreset, SensorPreset, sensor_outlier_rate
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
+    AssumedAngles,
     AssumedTip,
     CheckPrior,
     EstimatedNoise,
@@ -151,7 +152,15 @@ def identify(
 
     def measured_with(tip_sd: npt.ArrayLike | None, errors: Sequence[ErrorState]) -> PointMeasurements:
         return measure(
-            readings, sensor=sensor, robot=robot, sd=sd, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig, shared_errors=errors
+            readings,
+            sensor=sensor,
+            robot=robot,
+            sd=sd,
+            tip_sd=tip_sd,
+            bias_sd=bias_sd,
+            rig=rig,
+            shared_errors=errors,
+            angle_sd=0.0 if as_published else MOUNTED,
         )
 
     def answer_of(measured: PointMeasurements) -> tuple[Answer, FreeRays]:
@@ -192,6 +201,8 @@ def identify(
         answer = _with_estimated_noise(answer, unstated, measured.rounding)
     if assumed:
         answer = answer.adding(tip)
+    if loose := tuple(one.name.removeprefix(ANGLES) for one in measured.shared if one.name.startswith(ANGLES)):
+        answer = answer.adding(AssumedAngles(loose, MOUNTED))
     question = Query(
         sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd, rig=rig,
         shared_errors=shared_errors, significance=significance, priors=priors, views=views, factors=factors,
@@ -279,7 +290,8 @@ class Query:
         unstated = unstated_sd(readings, sensor=own["sensor"], sd=own["sd"], rig=own["rig"])
         sd = own["sd"] if unstated is None else unstated
         known = {name: own[name] for name in ("sensor", "robot", "tip_sd", "bias_sd", "rig") if name in own}
-        measured = measure(readings, sd=sd, shared_errors=(*own.get("shared_errors", ()), *of_surface), **known)
+        errors = *own.get("shared_errors", ()), *of_surface
+        measured = measure(readings, sd=sd, shared_errors=errors, angle_sd=MOUNTED, **known)
         points = as_contact_points(measured, own_sd, readings.ranges.take(measured.rows))
         priors = _with_noise_factor(own["priors"], readings, own["sensor"], own["sd"], unstated)
         priors = sized(priors, float(candidates.radii.max()))

@@ -9,10 +9,10 @@ import pytest
 
 import tanteo
 from bare_scenes import beams, box_centred_pose, inside, nees
-from tanteo.geometry import SE3
+from tanteo.geometry import SE3, SO3
 from tanteo.posterior import prepare
-from tanteo.sensors import measure
-from tanteo.sensors.error_states import Drift, Form, Scale
+from tanteo.sensors import Rig, RigSensor, measure
+from tanteo.sensors.error_states import Drift, Fan, Form, Scale
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 NOISE = 1e-4
@@ -101,3 +101,45 @@ def test_the_answer_names_unstated_errors(target):
 def test_a_far_origin_is_not_that_of_a_machine(target):
     near, far = (answer(target, 7, shift=s)[0].best.corner_sd for s in ((2.0, 0, 0), (50.0, 0, 0)))
     assert far < 0.5 * near
+
+
+def ranged(target, k, turn, *, mount=0.0, **options):
+    """Locate by ranges of a laser 0.2 m from the part, which is mounted turned by an angle [rad]."""
+    rng = np.random.default_rng(k)
+    T, way = box_centred_pose(rng, 0.3), rng.normal(size=3) * (1, 1, 0)
+    p, z = beams(target, 24, rng, tilt=0.2)
+    x = np.cross(z, rng.normal(size=z.shape))
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    sensors = SE3.from_parts(np.stack([x, np.cross(z, x), z], axis=-1), p - 0.2 * z)
+    hands = T @ sensors @ SE3.from_parts(SO3.exp(turn * way / np.linalg.norm(way)).T, np.zeros(3))
+    rig = Rig((RigSensor("laser", np.eye(4), None, NOISE, 0.0, 1.0, 0.0, mount**2 * np.eye(6)),))
+    readings = tanteo.Readings.from_columns(
+        Ts_world_hand=hands, ranges=0.2 + NOISE * rng.normal(size=24), sensors=["laser"] * 24
+    )
+    return tanteo.locate(readings, target, rig=rig, conventions=False, seed=k, **options), T
+
+
+def test_unstated_angles_of_a_laser_are_estimated(target):
+    rows = []
+    for k in range(8):
+        (free, T), (exact, _) = (ranged(target, k, np.radians(0.3), shared_errors=e) for e in ((), (Fan(1e-9),)))
+        covering = inside(*nees(target.part, free.best.T_world_part, free.best.covariance, T))
+        rows.append((free.status == "recognized", covering, free.best.corner_sd / exact.best.corner_sd))
+    recognized, covering, ratio = np.array(rows, dtype=float).T
+    assert recognized.sum() >= 7
+    assert covering.sum() >= 6
+    assert np.median(ratio) < 0.7  # without angles the noise explains the deviations
+
+
+def test_a_straight_laser_loses_little_by_assumed_angles(target):
+    ratios = [
+        ranged(target, k, 0.0)[0].best.corner_sd / ranged(target, k, 0.0, shared_errors=(Fan(1e-9),))[0].best.corner_sd
+        for k in range(4)
+    ]
+    assert 1.0 < np.median(ratios) < 1.6
+
+
+def test_a_stated_mounting_error_replaces_assumed_angles(target):
+    found = [ranged(target, 1, 0.0, mount=mount)[0] for mount in (0.0, 1e-5)]
+    assert ["assumed_angles" in [one.kind for one in a.findings] for a in found] == [True, False]
+    assert "The mounting error of laser is not stated: 0.3 deg" in found[0].message

@@ -288,6 +288,7 @@ def read_given(path: str, part_paths: Sequence[str], options: Evidence, file: Fi
         file: options for the file of readings.
     """
     from tanteo.sensors import measure, misspelt, unstated_sd
+    from tanteo.sensors.error_states import MOUNTED
 
     rig = None if options.rig is None else files.read_rig(options.rig, options.sensor, options.sd)
     readings, used = read_file(path, file, options.units, rig, options.sensor)
@@ -295,7 +296,7 @@ def read_given(path: str, part_paths: Sequence[str], options: Evidence, file: Fi
     with misuse():
         measured = measure(
             readings, sensor=options.sensor, robot=options.robot, sd=sd, tip_sd=options.tip_sd,
-            shared_errors=options.shared_errors, rig=rig,
+            shared_errors=options.shared_errors, rig=rig, angle_sd=MOUNTED,
         )  # fmt: skip
     if rig is None and (question := misspelt(readings)):
         complain("warning", question)

@@ -581,6 +581,13 @@ def _columns_of_faces(aims: Vectors, numbers: IntArray, of_faces: Vectors, what:
     return Columns(aims[:, :, None] * members[:, None, :], names)
 
 
+MOUNTED = math.radians(0.5) / math.sqrt(3)
+"""Assumed standard deviation of the angles of a range sensor [rad]. A bracket whose shorter leg has 10 to 50 mm is
+within half a degree (ISO 2768-1, classes f and m); angles are even within it."""
+
+ANGLES = "mounting angles of "
+"""Beginning of the name of an assumed error of angles, before the name of the device."""
+
 ERROR_STATES: dict[str, type[ErrorState]] = {
     one.name: one
     for one in (

@@ -20,14 +20,14 @@ from tanteo.geometry.limits import LARGEST, LEAST_SD, check_length, check_number
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Vectors
 from tanteo.sensors.columns import Column
 from tanteo.sensors.devices import Device, Placed, find_devices, place
-from tanteo.sensors.error_states import MOST_STATES, ErrorState, Offset, Sensed, unstated_errors
+from tanteo.sensors.error_states import MOST_STATES, ErrorState, Fan, Offset, Sensed, unstated_errors
 from tanteo.sensors.kinds import reading_kind
 from tanteo.sensors.measurements import BeamCones, FreeBeams, PointMeasurements
 from tanteo.sensors.noise import beam_cov
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.sensors.readings import Readings, check_readings_kind
 from tanteo.sensors.rig import Rig
-from tanteo.sensors.shared import SharedEffect, aims_of, base, of_devices, of_state, tip
+from tanteo.sensors.shared import SharedEffect, aims_of, base, of_devices, of_state, tip, unstated_angles
 
 _ACROSS_FLOOR = 1e-2
 """Smallest standard deviation across a beam as a fraction of that along it, which keeps covariances invertible."""
@@ -50,6 +50,7 @@ def measure(
     shared_errors: Sequence[ErrorState] = (),
     rig: Rig | None = None,
     beam_half_angle: float = math.nan,
+    angle_sd: float = 0.0,
 ) -> PointMeasurements:
     """Return points in the world with covariance and shared errors from device readings.
 
@@ -70,6 +71,8 @@ def measure(
         rig: poses of the range sensors on the hand.
         beam_half_angle: half angle of beams whose sensor does not state one [rad]; if NaN, such readings have the same
             standard deviation across as along the beam.
+        angle_sd: standard deviation of the angles of range sensors whose rig states no mounting error [rad]; a stated
+            ``Fan`` replaces it.
 
     Raises:
         InputError: the standard deviation of a reading is unknown (no column, ``sd`` or preset, or a preset that needs
@@ -105,6 +108,8 @@ def measure(
     )  # fmt: skip
     noise = float(np.sqrt(np.median(np.trace(covs[hit], axis1=1, axis2=2)) / 3)) if hit.any() else 0.0
     unstated = unstated_errors(sensed, noise, errors, machine=robot is not None)
+    if angle_sd > 0 and not any(isinstance(error, Fan) for error in errors):
+        shared += unstated_angles(sensed, devices, numbers, angle_sd)
     for error in errors:
         columns = error.columns(sensed)
         points = points + error.center * error.sd * columns.points.sum(axis=2)

@@ -6,7 +6,7 @@ neither, because they act on ranges.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,7 @@ from tanteo.geometry.limits import LARGEST
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Vectors
 from tanteo.sensors.columns import Column
 from tanteo.sensors.devices import Device, Placed
-from tanteo.sensors.error_states import Columns, ErrorState
+from tanteo.sensors.error_states import ANGLES, Columns, ErrorState, Fan, Sensed
 from tanteo.sensors.noise import body_jacobian
 from tanteo.sensors.presets import RobotPreset
 from tanteo.sensors.readings import Readings
@@ -103,6 +103,28 @@ def of_state(error: ErrorState, columns: Columns) -> SharedEffect:
     turns = np.zeros_like(columns.points) if columns.turns is None else columns.turns
     shared = SharedError(name, cov, f"{name} [{error.unit}]", columns.names, error.one_sided)
     return SharedEffect(shared, columns.points, turns)
+
+
+def unstated_angles(sensed: Sensed, devices: tuple[Device, ...], numbers: IntArray, sd: float) -> list[SharedEffect]:
+    """Return assumed errors of the angles of range sensors whose rig states no mounting error.
+
+    Args:
+        sensed: the readings.
+        devices: devices of the readings.
+        numbers: device index of each reading ``(n,)``.
+        sd: standard deviation of each angle [rad].
+    """
+    loose = [k for k, d in enumerate(devices) if d.mount is not None and not d.mount.cov_mount.any()]
+    out = []
+    for unit in dict.fromkeys(devices[k].unit for k in loose):
+        own = [k for k in loose if devices[k].unit == unit]
+        rows = sensed.T_world_units.given & np.isin(numbers, own)
+        if rows.any():
+            columns = Fan(sd).columns(replace(sensed, T_world_units=sensed.T_world_units.only(rows)))
+            one = of_state(Fan(sd), columns)
+            meaning = f"assumed error of the angles of {unit} [rad]"
+            out.append(replace(one, error=replace(one.error, name=f"{ANGLES}{unit}", meaning=meaning)))
+    return out
 
 
 def aims_of(readings: Readings, placed: Placed) -> Column:

@@ -14,7 +14,7 @@ from tanteo.planning.probe import Probe
 from tanteo.planning.session.action import Action
 from tanteo.planning.state import SensingState
 from tanteo.sensors import PointMeasurements, Readings, Rig, measure
-from tanteo.sensors.error_states import ErrorState, UnstatedError, made_surface
+from tanteo.sensors.error_states import MOUNTED, ErrorState, UnstatedError, made_surface
 from tanteo.sensors.presets import RobotPreset, SensorPreset
 from tanteo.values import Value, lock
 from tanteo.words import Finding, message_of
@@ -75,7 +75,7 @@ class Sensing(Value):
             errors = *self.shared_errors, *made_surface(self.tolerance, faces)[0]
             return measure(
                 readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd, bias_sd=self.bias_sd,
-                shared_errors=errors, rig=self.rig, beam_half_angle=beam_half_angle,
+                shared_errors=errors, rig=self.rig, beam_half_angle=beam_half_angle, angle_sd=MOUNTED,
             )  # fmt: skip
 
         measured = at(())

@@ -11,6 +11,7 @@ from tanteo.words.findings.calibrations import (
     Undetermined,
 )
 from tanteo.words.findings.causes import (
+    AssumedAngles,
     AssumedTip,
     CheckPrior,
     CloseTogether,
@@ -213,6 +214,7 @@ __all__ = [
     "AfterMotion",
     "AllOnFurniture",
     "AmongUnsearched",
+    "AssumedAngles",
     "AssumedTip",
     "AtLimit",
     "AtPose",

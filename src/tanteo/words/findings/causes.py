@@ -252,6 +252,20 @@ class AssumedTip(Finding):
 
 
 @dataclass(frozen=True, slots=True)
+class AssumedAngles(Finding):
+    """The rig states no mounting error of range sensors, and errors of their angles are assumed.
+
+    Attributes:
+        devices: names of the devices.
+        sd: assumed standard deviation of each angle [rad].
+    """
+
+    kind: ClassVar[str] = "assumed_angles"
+    devices: tuple[str, ...]
+    sd: float
+
+
+@dataclass(frozen=True, slots=True)
 class EstimatedNoise(Finding):
     """No standard deviation was stated, and it is estimated from the readings.
 

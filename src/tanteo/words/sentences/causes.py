@@ -178,6 +178,13 @@ def _(one: f.AssumedTip) -> Words:
 
 
 @words_of.register
+def _(one: f.AssumedAngles) -> Words:
+    what = f"The mounting error of {listed([*one.devices])} is not stated"
+    angle = f"{math.degrees(one.sd):.1g} deg (1 sd)"
+    return f"{what}: {angle} is assumed for each angle (mount_turn_sd_deg in the rig, or --fan-sd).", ""
+
+
+@words_of.register
 def _(one: f.EstimatedNoise) -> Words:
     if math.isnan(one.sd):
         return "No standard deviation is stated.", "State it (--sd)."
