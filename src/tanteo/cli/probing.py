@@ -153,7 +153,7 @@ class ProgramOptions:
         if not found.readings:
             complain("warning", "--program: the plan has no touches, so no program is written.")
             return ""
-        from tanteo.machines.programs import job_of, write_program
+        from tanteo.machines.programs import SURE, job_of, program_language, write_program
 
         with misuse():
             more = self.overtravel, self.retract_height
@@ -163,4 +163,11 @@ class ProgramOptions:
                 f"{len(job.touches)} touches.",
                 sys.stderr,
             )
+            worst = max(job.touches, key=lambda touch: touch.miss)
+            if worst.miss > SURE and not program_language(self.program).goes_on:
+                complain(
+                    "warning",
+                    f"--program: the program stops at the first touch without contact, and touch {worst.number} may "
+                    f"miss at {worst.miss:.0%} of the placements. Give a better prior pose, or use tanteo probe.",
+                )
             return write_program(self.program, job)

@@ -13,7 +13,7 @@ from tanteo.planning.state import SensingState
 from tanteo.words.findings import NoPlaceReached
 
 _TRIED = 0.5, 0.25, 0.1, 2.0, 4.0
-"""Stand-offs to try, and smaller clearances, as multiples of the stand-off."""
+"""Stand-offs and smaller clearances to try, as multiples of the present one."""
 
 _BEYOND = 1e-3
 """Length by which a tried stand-off or clearance exceeds the radius of the ball [m]."""
@@ -35,7 +35,7 @@ def no_place(
     """
     for name, least, most in (("standoff", probe.min_range, probe.max_range), ("clearance", 0.0, probe.clearance)):
         own = getattr(probe, name)
-        for other in (float(f"{share * probe.standoff:.2g}") for share in _TRIED):
+        for other in (float(f"{share * own:.2g}") for share in _TRIED):
             changed: dict[str, Any] = {name: other}
             allowed = max(least, probe.radius + _BEYOND) <= other < most
             if allowed and _reaches(state, replace(probe, **changed), seed, anywhere):

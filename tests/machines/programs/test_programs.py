@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -228,3 +229,29 @@ def test_a_file_in_place_of_a_controller_names_the_way():
         InputError, match=r"expected one of linuxcnc, .* A file is written by '--program linuxcnc > FILE'"
     ):
         write_program("probe.ngc", None)
+
+
+@pytest.fixture(scope="module")
+def unsure(jobs):
+    """The job of a robot whose second touch misses in half of the placements."""
+    first, second, *rest = jobs["ur"].touches
+    return replace(jobs["ur"], touches=(replace(first, miss=0.0), replace(second, miss=0.5), *rest))
+
+
+def test_a_robot_goes_on_after_a_touch_without_contact(unsure):
+    """Each touch states how often it misses; misses in a row that are improbable together end the program."""
+    urscript, rapid = write_program("ur", unsure), write_program("abb", unsure)
+    for text, pattern in ((urscript, r'touch\("\d+", ([\d.]+), p'), (rapid, r'Touch "\d+",([\d.]+),\[')):
+        chances = [float(word) for word in re.findall(pattern, text)]
+        assert chances[:2] == [0.1, 0.5] and len(chances) == len(unsure.touches)
+    miss = urscript[urscript.index("if not met():\n      works") :].split("\n    end\n")[0]
+    assert "works = works * miss" in miss and "if works < 0.02:" in miss and "movel(start" in miss
+    assert "ERR_WHLSEARCH AND works*miss>=0.02 THEN" in rapid
+
+
+def test_grbl_goes_on_where_a_touch_may_miss(jobs, unsure):
+    touches = tuple(replace(t, miss=m.miss) for t, m in zip(jobs["grbl"].touches, unsure.touches, strict=False))
+    words = re.findall(r"^(G38\.\d)", write_program("grbl", replace(jobs["grbl"], touches=touches)), re.MULTILINE)
+    assert words[:2] == ["G38.2", "G38.3"]
+    linuxcnc = write_program("linuxcnc", replace(jobs["grbl"], touches=touches))
+    assert "G38.3" not in linuxcnc  # PROBEOPEN would log the end of the search

@@ -1,3 +1,4 @@
+from .job import SURE as SURE
 from .job import Job as Job
 from .job import job_of as job_of
 from .table import PROGRAMS as PROGRAMS

@@ -32,6 +32,13 @@ _STEPS = 100
 _NEAR = 1e-7
 """Distance below which two positions are equal [m]."""
 
+SURE = 0.01
+"""Largest probability of a miss at which a touch without contact ends a program that cannot count them."""
+
+LEAST_MISS, DEAD_PROBE = 0.1, 0.02
+"""Least probability with which a miss counts, and probability of all misses since the last contact at which a program
+ends. Two misses in a row at faces that every placement hits end it: one may be an error of the prior."""
+
 DOWN = np.diag([1.0, -1.0, -1.0])
 """Axes of a tool that points down ``(3, 3)``."""
 
@@ -52,6 +59,7 @@ class Touch:
         stop: position at which the search ends without contact ``(3,)``.
         outer: point outside of the cylinder around the part, on the straight line back from the start ``(3,)``.
         tool: axes of a robot's tool ``(3, 3)``, its z along the stylus.
+        miss: largest probability that a working probe makes no contact.
     """
 
     number: int
@@ -62,6 +70,7 @@ class Touch:
     stop: Vectors
     outer: Vectors
     tool: Rotations
+    miss: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,7 +156,7 @@ def job_of(
         start = r.origin + fast * r.direction
         places = start, r.direction, contact, contact + beyond * r.direction
         tool = tool_axes(-probe.holders(r.direction[None])[0])
-        touches.append(Touch(number, r.face, *places, leaves(start, -r.direction, job), tool))
+        touches.append(Touch(number, r.face, *places, leaves(start, -r.direction, job), tool, 1.0 - r.meets))
     return replace(job, touches=tuple(touches))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Rotations, Vectors
 from tanteo.io import BRANDS, pose_as_brand
-from tanteo.machines.programs.job import Job, Touch, first_way, transfer
+from tanteo.machines.programs.job import LEAST_MISS, Job, Touch, first_way, transfer
 
 COLUMNS = "id,x_mm,y_mm,z_mm,radius_mm,dx,dy,dz"
 """Columns of the readings file that the log becomes."""
@@ -36,6 +36,25 @@ def robot_header(job: Job, log: list[str], probe: str = "probe on digital input 
         "obstacles around the part are unknown: check every motion, and run it without the part and slowly first",
         *log,
     ]
+
+
+def misses(job: Job) -> str:
+    """Return the header line of a program that goes on after a touch without contact.
+
+    Args:
+        job: touches of the program.
+    """
+    expected = sum(touch.miss for touch in job.touches)
+    return f"a touch without contact (about {expected:.0f} are expected) does not end it; improbable misses in a row do"
+
+
+def miss_text(touch: Touch) -> str:
+    """Return the probability with which a miss of a touch counts, at least :data:`LEAST_MISS`.
+
+    Args:
+        touch: touch of the program.
+    """
+    return f"{max(touch.miss, LEAST_MISS):.2f}"
 
 
 def ways(job: Job) -> Iterator[tuple[Touch, list[tuple[Vectors, Rotations]]]]:

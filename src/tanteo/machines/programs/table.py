@@ -24,11 +24,13 @@ class ProgramLanguage:
         points_down: whether the stylus always points down, as on a 3-axis machine. Otherwise the program turns it
             along each touch.
         logs_hand: whether the log has the pose of the tool with each touch.
+        goes_on: whether the program continues after a touch without contact.
     """
 
     write: Callable[[Job], str]
     points_down: bool = False
     logs_hand: bool = False
+    goes_on: bool = False
 
 
 PROGRAMS: Registry[ProgramLanguage] = Registry(
@@ -36,11 +38,11 @@ PROGRAMS: Registry[ProgramLanguage] = Registry(
     ProgramLanguage,
     {
         "linuxcnc": ProgramLanguage(linuxcnc, points_down=True),
-        "grbl": ProgramLanguage(grbl, points_down=True),
-        "ur": ProgramLanguage(ur, logs_hand=True),
+        "grbl": ProgramLanguage(grbl, points_down=True, goes_on=True),
+        "ur": ProgramLanguage(ur, logs_hand=True, goes_on=True),
         "fanuc": ProgramLanguage(fanuc),
         "kuka": ProgramLanguage(kuka),
-        "abb": ProgramLanguage(abb, logs_hand=True),
+        "abb": ProgramLanguage(abb, logs_hand=True, goes_on=True),
     },
 )
 """Languages by the name of the controller."""

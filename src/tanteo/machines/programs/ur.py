@@ -5,8 +5,8 @@ Sources: ``to_str``, ``textmsg`` and threads (Script Manual e-Series, 14.1), and
 
 from __future__ import annotations
 
-from tanteo.machines.programs.job import APPROACH, TRAVEL, Job
-from tanteo.machines.programs.robot import COLUMNS, facts, pose_text, robot_header, ways
+from tanteo.machines.programs.job import APPROACH, DEAD_PROBE, TRAVEL, Job
+from tanteo.machines.programs.robot import COLUMNS, facts, miss_text, misses, pose_text, robot_header, ways
 
 
 def ur(job: Job) -> str:
@@ -18,15 +18,15 @@ def ur(job: Job) -> str:
     log = [
         "log: lines of a readings file (CSV) in the log of PolyScope (textmsg): copy those that begin with a number,"
     ]
-    log += [f"and the line of columns above them: {_COLUMNS}"]
+    log += [f"and the line of columns above them: {_COLUMNS}", misses(job)]
     header = robot_header(job, log, "probe on digital input 0, high at contact")
-    lines = [f"# {text}" for text in header] + _UR.format(feed=job.feed, approach=APPROACH).splitlines()
+    lines = [f"# {text}" for text in header] + _UR.format(feed=job.feed, approach=APPROACH, least=DEAD_PROBE).splitlines()
     lines += [f'  textmsg("{_COLUMNS}")']
     for touch, way in ways(job):
         lines.append(f"  # touch {touch.number}: {touch.face}")
         lines += [f"  movel({pose_text('ur', place, tool)}, a=0.5, v={TRAVEL})" for place, tool in way]
         places = ", ".join(pose_text("ur", place, touch.tool) for place in (touch.start, touch.stop))
-        lines.append(f'  touch("{touch.number}", {places}, "{facts(job, touch)}")')
+        lines.append(f'  touch("{touch.number}", {miss_text(touch)}, {places}, "{facts(job, touch)}")')
         lines.append(f"  movel({pose_text('ur', touch.outer, touch.tool)}, a=0.5, v={TRAVEL})")
     return "\n".join([*lines, "end", ""])
 
@@ -38,6 +38,7 @@ _COLUMNS = COLUMNS.replace("x_mm,y_mm,z_mm", f"x_m,y_m,z_m,{_HAND}")
 _UR = """def tanteo_probe():
   global goal = p[0, 0, 0, 0, 0, 0]
   global arrived = False
+  global works = 1.0
   def met():
     return get_standard_digital_in(0)
   end
@@ -52,7 +53,7 @@ _UR = """def tanteo_probe():
     popup(words, title="tanteo", error=True, blocking=True)
     halt
   end
-  def touch(number, start, stop, facts):
+  def touch(number, miss, start, stop, facts):
     if met():
       fail("the probe is high before the touch")
     end
@@ -70,8 +71,15 @@ _UR = """def tanteo_probe():
     kill handle
     stopl(2.0)
     if not met():
-      fail("no contact")
+      works = works * miss
+      textmsg(str_cat("no contact at touch ", number))
+      if works < {least}:
+        fail("several touches made no contact: is the probe connected, and the part there?")
+      end
+      movel(start, a=0.5, v={approach})
+      return False
     end
+    works = 1.0
     line = str_cat(number, ",")
     line = str_cat(line, str_cat(to_str(here[0]), ","))
     line = str_cat(line, str_cat(to_str(here[1]), ","))
@@ -83,4 +91,5 @@ _UR = """def tanteo_probe():
     end
     textmsg(str_cat(line, facts))
     movel(start, a=0.5, v={approach})
+    return True
   end"""
