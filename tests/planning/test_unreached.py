@@ -13,7 +13,7 @@ from tanteo.posterior import prepare
 
 
 def test_a_quarter_of_the_clearance_is_tried(parts):
-    """Three millimetres are free above a laser that cannot come nearer: more than a quarter of 10 mm, less than half."""
+    """Three millimetres are free above a laser that cannot come nearer: between a quarter and half of 10 mm."""
     state = begin(at_pose(prepare(parts["block"]), np.eye(4), np.diag([1e-5] * 6) ** 2))
     top = float(parts["block"].vertices[:, 2].max())
     room = Workspace(np.array([-9.0, -9.0, -9.0]), np.array([9.0, 9.0, top + 0.054]))

@@ -243,9 +243,11 @@ def test_a_robot_goes_on_after_a_touch_without_contact(unsure):
     urscript, rapid = write_program("ur", unsure), write_program("abb", unsure)
     for text, pattern in ((urscript, r'touch\("\d+", ([\d.]+), p'), (rapid, r'Touch "\d+",([\d.]+),\[')):
         chances = [float(word) for word in re.findall(pattern, text)]
-        assert chances[:2] == [0.1, 0.5] and len(chances) == len(unsure.touches)
+        assert chances[:2] == [0.1, 0.5]
+        assert len(chances) == len(unsure.touches)
     miss = urscript[urscript.index("if not met():\n      works") :].split("\n    end\n")[0]
-    assert "works = works * miss" in miss and "if works < 0.02:" in miss and "movel(start" in miss
+    for line in ("works = works * miss", "if works < 0.02:", "movel(start"):
+        assert line in miss
     assert "ERR_WHLSEARCH AND works*miss>=0.02 THEN" in rapid
 
 

@@ -26,7 +26,12 @@ def abb(job: Job) -> str:
         places = ",".join(_robtarget(place, touch.tool) for place in (touch.start, touch.stop))
         lines.append(f'    Touch "{touch.number}",{miss_text(touch)},{places},"{facts(job, touch)}";')
         lines.append(f"    MoveL {_robtarget(touch.outer, touch.tool)},v100,fine,tProbe\\WObj:=wobj0;")
-    lines += ["    Close log;", "  ENDPROC", "", *_RAPID_TOUCH.format(feed=1e3 * job.feed, least=DEAD_PROBE).splitlines()]
+    lines += [
+        "    Close log;",
+        "  ENDPROC",
+        "",
+        *_RAPID_TOUCH.format(feed=1e3 * job.feed, least=DEAD_PROBE).splitlines(),
+    ]
     return "\n".join([*lines, "ENDMODULE", ""])
 
 

@@ -20,7 +20,8 @@ def ur(job: Job) -> str:
     ]
     log += [f"and the line of columns above them: {_COLUMNS}", misses(job)]
     header = robot_header(job, log, "probe on digital input 0, high at contact")
-    lines = [f"# {text}" for text in header] + _UR.format(feed=job.feed, approach=APPROACH, least=DEAD_PROBE).splitlines()
+    lines = [f"# {text}" for text in header]
+    lines += _UR.format(feed=job.feed, approach=APPROACH, least=DEAD_PROBE).splitlines()
     lines += [f'  textmsg("{_COLUMNS}")']
     for touch, way in ways(job):
         lines.append(f"  # touch {touch.number}: {touch.face}")
