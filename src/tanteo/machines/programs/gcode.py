@@ -3,7 +3,8 @@
 LinuxCNC (G-code reference, "G38.n Straight Probe" and "Probe Logging"): a search without contact is an error and ends
 the program, and so does a probe that trips in any other motion. ``PROBEOPEN`` logs the contacts. GRBL 1.1
 ("Interface"): ``G38.2`` answers ``[PRB:x,y,z:1]`` in machine coordinates and raises ``ALARM:5`` without contact;
-``G38.3`` answers ``[PRB:x,y,z:0]`` and goes on. LinuxCNC has ``G38.3``, too, but logs its end as a contact (``emccanon.cc``).
+``G38.3`` answers ``[PRB:x,y,z:0]`` and goes on. LinuxCNC has ``G38.3``, too, but logs its end as a contact
+(``emccanon.cc``).
 """
 
 from __future__ import annotations
