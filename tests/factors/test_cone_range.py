@@ -97,6 +97,21 @@ def log_of(block, response, sensor, r):
     return _core.log_densities(block.shape, core, np.eye(4)[None], np.zeros((1, problem.states)))[0]
 
 
+@pytest.mark.parametrize("response", ["mean", "strongest"])
+def test_outlines_that_pass_rays_cause_no_jump(block, response):
+    """Without the places of outlines between rays the mean of the largest jumps is 0.8 to 0.95 nats, with them 0.34."""
+    jumps = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        sensors = [looking(rng, block.part) for _ in range(6)]
+        ranges = [float(np.nanmedian(np.where(np.isfinite(d := rays_of(block, s, 500)), d, np.nan))) for s in sensors]
+        problem, core = problem_of(block, response, sensors, ranges)
+        steps = np.linspace(-1, 1, 401)[:, None] * rng.normal(size=6) * np.repeat([1e-3, 2e-2], 3)
+        logs = _core.log_densities(block.shape, core, SE3.exp(steps), np.zeros((401, problem.states)))
+        jumps.append(np.abs(np.diff(logs, 2)).max())
+    assert np.mean(jumps) < 0.5
+
+
 @pytest.mark.parametrize("covered", [(0.003, 0.02), (0.1, 0.6)])
 def test_means_of_partly_filled_cones_are_as_sharp(block, covered):
     rng, tried = np.random.default_rng(11), 0

@@ -2,6 +2,7 @@
 // all rays, or the surface that returns most.
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
 
 #include "factors/cone.hpp"
@@ -13,14 +14,18 @@ namespace tanteo {
 namespace {
 
 // What chose these numbers: seed 71 of benchmarks/wide_cones.py, a few scenes of it; WEIGHT_SD is smaller than the
-// difference of even and signal weights (0.2 to 0.3 of the spread), which are two models. RAYS_ERROR bounds the mean of
-// the raster against that of many rays over 148 cones that a part fills in part.
-// The number of rays of a cone; FEW_RAYS where their error is small, MANY_RAYS where less than half of RAYS hit.
-constexpr int RAYS = 63, FEW_RAYS = 15, MANY_RAYS = RayPattern::MOST;
-constexpr double RASTER = 0.1;      // error of the mean of the rays, in standard deviations of the noise, that needs no more rays
+// difference of even and signal weights (0.2 to 0.3 of the spread), which are two models. RAYS_ERROR and FACE_ERROR are
+// root mean squares against 40,000 rays, over 120 cones and eight parts: 1.6 to 1.8, 0.7 to 0.9 with 63 and 255 rays.
+// Numbers of rays that are tried, the place of the last that is tried for a random ray, and limits of the number of hits.
+constexpr int COUNTS[] = {31, 63, 127, RayPattern::MOST};
+constexpr size_t LAST_OF_RAY = 1;
+constexpr int OVER_FURNITURE = 63;  // rays that fill the cone over furniture alone
+constexpr double FEWEST = 8, MOST_WANTED = 30;
+constexpr double RASTER = 0.2;      // error of the mean of the rays, in standard deviations of the noise, that needs no more rays
 constexpr double EDGE_SD = 0.05;    // relative standard deviation of the half angle: sensitivity fades at the edge
 constexpr double WEIGHT_SD = 0.03;  // of the mean over rays, over their spread: the reflectance of each place is unknown
-constexpr double RAYS_ERROR = 0.7;  // error of the mean of n rays, over their spread and n^-3/4, as of places even by design
+constexpr double RAYS_ERROR = 1.7;  // error of the mean of n rays, over their spread and one over n
+constexpr double FACE_ERROR = 0.85; // the same for the rays of one face
 constexpr int STRONGER = 4;         // power of the signal to which a surface is the strongest
 constexpr double SAME = 0.3;        // difference in standard deviations up to which echoes of one face are one component
 
@@ -51,12 +56,12 @@ struct Background {
         const double cosine = -dot(normal, ray);
         return cosine > 1e-3 ? height / cosine : 0;
     }
-    // Takes away what a ray of the part blocks.
-    void block(const Vec3& ray) {
+    // Takes away what the part blocks along a ray.
+    void block(const Vec3& ray, double share) {
         const double r = range(ray);
         if (!(r > 0)) return;
-        free[0].add(-1, r);
-        free[1].add(-signal_of(-dot(normal, ray), r), r);
+        free[0].add(-share, r);
+        free[1].add(-share * signal_of(-dot(normal, ray), r), r);
     }
 };
 
@@ -98,13 +103,13 @@ class ConeRange final : public OnSurface {
         if (!(squared(furniture) > 0)) return;
         const Vec3 origin = at - range * direction;
         const double height = dot(furniture, origin) - furniture_offset;
-        const RayPattern& pattern = RayPattern::of(RAYS, round);
-        for (int k = 0; k < RAYS; ++k) {
+        const RayPattern& pattern = RayPattern::of(OVER_FURNITURE, round);
+        for (int k = 0; k < OVER_FURNITURE; ++k) {
             const Vec3 ray = unit(direction + static_cast<double>(pattern.x[k]) * half_u + static_cast<double>(pattern.y[k]) * half_v);
             const double cosine = -dot(furniture, ray);
             if (!(cosine > 1e-3)) continue;
-            furniture_returns[0].add(1.0 / RAYS, height / cosine);
-            furniture_returns[1].add(signal_of(cosine, height / cosine) / RAYS, height / cosine);
+            furniture_returns[0].add(1.0 / OVER_FURNITURE, height / cosine);
+            furniture_returns[1].add(signal_of(cosine, height / cosine) / OVER_FURNITURE, height / cosine);
         }
         furniture_along = height / std::max(-dot(furniture, direction), 1e-3);
     }
@@ -129,25 +134,7 @@ class ConeRange final : public OnSurface {
     void predict_nearest(const Placement& at, const Cone& cone, const std::vector<int>& triangles) const;
     void predict_rays(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance) const;
     double reach(double sd) const { return range + REACH * sd; }
-    struct Raster {
-        const Section& section;
-        const RayPattern& pattern;
-        const Seen& seen;
-        bool whole;
-        const std::vector<RayHit>& hits;
-    };
     static Vec3 by_axis(const RayHit& hit, const Vec3& axis);
-    // An outline between two rays, with what it sweeps as the origin or the axis of the beam moves, in rays.
-    struct Outline {
-        struct Place {
-            int hit = -1;  // of the raster; -1 for what is beside the part
-            double range = 0, cosine = 0;
-        } places[2];
-        Vec3 by_origin, by_axis;
-    };
-    static void find_outlines(const Raster& raster, const Background& other, std::vector<Outline>& out);
-    static void add_outlines(const Shape& shape, const Raster& raster, const std::vector<Outline>& outlines, int face,
-                             bool by_signal, bool with_furniture, ConeEcho& mean);
     Background background(const Placement& at, const Vec3& axis, double rays) const;
 };
 
@@ -170,71 +157,6 @@ Background ConeRange::background(const Placement& at, const Vec3& axis, double r
 // The derivative of the range of a ray by the axis, as the beam turns without rotation about it.
 Vec3 ConeRange::by_axis(const RayHit& hit, const Vec3& axis) {
     return (hit.range / (hit.cosine * hit.length())) * (hit.normal - dot(hit.normal, axis) * hit.along);
-}
-
-// Where outlines move through the section: neighbouring rays that hit planes whose values differ between them. An outline
-// moves with the nearer plane.
-void ConeRange::find_outlines(const Raster& raster, const Background& other, std::vector<Outline>& out) {
-    out.clear();
-    const RayPattern& pattern = raster.pattern;
-    int hit_of[RayPattern::MOST];
-    std::fill_n(hit_of, pattern.count, -1);
-    for (size_t k = 0; k < raster.hits.size(); ++k) hit_of[raster.hits[k].ray] = static_cast<int>(k);
-    const auto [middle, half] = raster.seen.filled(0, raster.whole);
-    const auto [centre, height] = raster.seen.filled(1, raster.whole);
-    const Section& section = raster.section;
-    const auto [across, up] = section.duals();
-    const double per_area = pattern.count / (pattern.area() * half * height);
-    for (const RayPattern::Side& side : pattern.sides) {
-        const int i = hit_of[side.i], j = hit_of[side.j];
-        if (i < 0 && j < 0) continue;
-        if (i >= 0 && j >= 0) {
-            const RayHit &one = raster.hits[i], &two = raster.hits[j];
-            if (one.triangle == two.triangle) continue;
-            if (dot(one.normal, two.normal) > 1 - 1e-12 && std::fabs(one.height() - two.height()) < 1e-9 * one.height()) continue;
-        }
-        const double x = middle + half * 0.5 * (pattern.x[side.i] + pattern.x[side.j]);
-        const double y = centre + height * 0.5 * (pattern.y[side.i] + pattern.y[side.j]);
-        if (section.round ? x * x + y * y > 1 : std::max(std::fabs(x), std::fabs(y)) > 1) continue;
-        const Vec3 off = x * section.u + y * section.v, along = section.axis + off;
-        const double length = norm(along);
-        Outline one;
-        double nearest = 1e300;
-        for (int k = 0; k < 2; ++k) {
-            Outline::Place& place = one.places[k];
-            place.hit = k ? j : i;
-            const Vec3& normal = place.hit >= 0 ? raster.hits[place.hit].normal : other.normal;
-            const double h = place.hit >= 0 ? raster.hits[place.hit].height() : other.exists() ? other.height : 0;
-            place.cosine = -dot(normal, along) / length;
-            if (!(place.cosine > 1e-3) || !(h > 0)) continue;
-            place.range = h / place.cosine;
-            if (place.hit >= 0) nearest = std::min(nearest, place.range);
-        }
-        const double by_furniture = other.exists() ? other.range((1 / length) * along) : 0;
-        if (!(nearest < 1e299) || (by_furniture > 0 && nearest >= by_furniture)) continue;
-        const double nx = side.x * height, ny = side.y * half, inward = nx * x + ny * y;
-        const Vec3 normal = nx * across + ny * up;
-        one.by_origin = (-per_area * length / nearest) * (normal - inward * section.axis);
-        one.by_axis = -per_area * (normal + inward * off);
-        out.push_back(one);
-    }
-}
-
-// Adds what the outlines change in the sum of w (r - mean) over the rays: by the transport theorem of Reynolds, the integral
-// over the outlines of the jump of w (r - mean) times their velocity (docs/math.md).
-void ConeRange::add_outlines(const Shape& shape, const Raster& raster, const std::vector<Outline>& outlines, int face,
-                             bool by_signal, bool with_furniture, ConeEcho& mean) {
-    for (const Outline& one : outlines) {
-        double jump = 0;
-        for (int k = 0; k < 2; ++k) {
-            const Outline::Place& place = one.places[k];
-            if (!(place.range > 0)) continue;
-            const bool counts = place.hit < 0 ? with_furniture : face < 0 || shape.faces[raster.hits[place.hit].triangle] == face;
-            if (counts) jump += (k ? -1 : 1) * (by_signal ? signal_of(place.cosine, place.range) : 1.0) * (place.range - mean.range);
-        }
-        mean.by_origin += jump * one.by_origin;
-        mean.by_axis += jump * one.by_axis;
-    }
 }
 
 // Keeps an echo with its probability; `more` is the variance that does not depend on the noise.
@@ -323,36 +245,41 @@ void ConeRange::predict_rays(const Placement& at, const Cone& cone, const std::v
     const double slope = std::tan(half_angle);
     const Seen seen(at.shape, triangles, cone.origin, section);
     thread_local std::vector<RayHit> hits;
+    thread_local std::vector<Outline> outlines;
     Background other;
     double rays = 1;  // that would fill the section
-    // more rays are cast while the error of their mean is not small beside the noise, furniture that shows beside the part
+    // More rays are cast if the error of their mean is not small beside the noise, furniture that shows beside the part
     // included. Where the part covers less than half of the section, they are placed about the part only. The place of a
-    // random ray is known to one cell of the raster, so that few rays suffice; a mean needs all cells
+    // random ray is known to one cell of the raster, so that few rays suffice; a mean needs all cells.
     const bool whole = seen.covered() > 0.5, mean = of_mean + of_strongest > 0;
-    double error = 0;  // variance of the mean of n hits, over their spread
-    const RayPattern* pattern = nullptr;
-    for (const int tried : {FEW_RAYS, RAYS, MANY_RAYS}) {
-        if (tried == MANY_RAYS && (!mean || 2 * static_cast<int>(hits.size()) >= RAYS)) break;
-        pattern = &RayPattern::of(tried, round);
-        seen.cast(*pattern, whole, hits);
-        rays = pattern->count / (whole ? 1.0 : std::max(seen.covered(), 1e-9));
+    bool exact = false;  // whether all rays hit one plane
+    int n = 0;           // number of rays that hit
+    for (size_t level = 0;;) {
+        const RayPattern& pattern = RayPattern::of(COUNTS[level], round);
+        seen.cast(pattern, whole, hits);
+        n = static_cast<int>(hits.size());
+        if (mean) seen.add_outlines(pattern, whole, at.with_place, hits, outlines);
+        rays = pattern.count / (whole ? 1.0 : std::max(seen.covered(), 1e-9));
         other = background(at, cone.axis, rays);
-        const double count = static_cast<double>(hits.size());
         Moments all;
         for (const RayHit& hit : hits) {
-            all.add(1, hit.range);
-            if (other.exists()) other.block((1 / hit.length()) * hit.along);
+            all.add(hit.share, hit.range);
+            if (other.exists()) other.block((1 / hit.length()) * hit.along, hit.share);
         }
         for (Moments& one : other.free)
             if (!(one.weight > 0)) one = {};
-        if (hits.empty()) continue;
-        error = seen.is_one_plane() && count == pattern->count ? 0 : RAYS_ERROR * RAYS_ERROR / (count * std::sqrt(count));
+        exact = seen.is_one_plane() && n == pattern.count;
         const Moments free = of_strongest > 0 ? Moments{} : other.free[0];
         const Moments joint{all.weight + free.weight, all.first + free.first, all.second + free.second};
-        if (2 * count >= pattern->count && error * joint.spread() < RASTER * RASTER * variance) break;
+        const double error = exact || !(all.weight > 0) ? 0 : RAYS_ERROR * std::sqrt(joint.spread() / variance);
+        const double wanted = std::clamp(error / RASTER, FEWEST, MOST_WANTED);
+        const size_t last = mean ? std::size(COUNTS) - 1 : LAST_OF_RAY;
+        if (n >= wanted || level == last) break;
+        const double per_ray = std::max(n, 1) / static_cast<double>(pattern.count);
+        do ++level;
+        while (level < last && COUNTS[level] * per_ray < wanted);
     }
-    if (hits.empty()) return;
-    const int n = static_cast<int>(hits.size());
+    if (!n) return;
     for (int k = 0; k < n && of_rays > 0; ++k) {
         // a ray stands for its cell of the cone, in which the range varies with the incidence; there was an echo
         const RayHit& hit = hits[k];
@@ -365,43 +292,59 @@ void ConeRange::predict_rays(const Placement& at, const Cone& cone, const std::v
         keep(at, echo, of_rays / (n + other.free[0].weight), cell * cell * tangent2 / rays, 0);
     }
     if (!mean) return;
-    const Raster raster{section, *pattern, seen, whole, hits};
-    thread_local std::vector<Outline> outlines;
     thread_local std::vector<Vec3> turned;
-    if (at.with_place) {
-        find_outlines(raster, other, outlines);
-        turned.clear();
-        for (const RayHit& hit : hits) turned.push_back(by_axis(hit, cone.axis));
+    turned.clear();
+    for (const RayHit& hit : hits) {
+        if (!at.with_place) break;
+        turned.push_back(by_axis(hit, cone.axis));
     }
     // The mean of the rays of some faces, which are the hits where face is -1 or that of the triangle, and of furniture; even
     // or by signal. A mean over furniture, too, has the probability of the fraction that the part returns, as the rest of the
-    // density is that of furniture alone.
+    // density is that of furniture alone. Outlines move by the transport theorem of Reynolds (docs/math.md).
     const auto add_mean = [&](int face, bool by_signal, const Moments& beside, double share, int model) {
+        const auto counts = [&](const RayHit& hit) { return face < 0 || at.shape.faces[hit.triangle] == face; };
+        const auto weight_of = [&](const RayHit& hit) { return by_signal ? signal_of(hit.cosine, hit.range) : 1.0; };
         ConeEcho mean;
         Moments own;
         int count = 0;
         for (const RayHit& hit : hits) {
-            if (face >= 0 && at.shape.faces[hit.triangle] != face) continue;
-            own.add(by_signal ? signal_of(hit.cosine, hit.range) : 1.0, hit.range);
+            if (!counts(hit)) continue;
+            own.add(hit.share * weight_of(hit), hit.range);
             mean.triangle = hit.triangle;
-            ++count;
+            count += hit.ray >= 0;
         }
+        if (!(own.weight > 0)) return;
         const Moments all{own.weight + beside.weight, own.first + beside.first, own.second + beside.second};
         mean.range = all.mean();
         if (at.with_place) {
             for (const RayHit& hit : hits) {
-                if (face >= 0 && at.shape.faces[hit.triangle] != face) continue;
-                const double weight = by_signal ? signal_of(hit.cosine, hit.range) : 1.0, more = hit.range - mean.range;
+                if (!counts(hit)) continue;
+                const double weight = hit.share * weight_of(hit), more = hit.range - mean.range;
                 // a signal is the height over the plane by the cubed range
                 const double by_range = by_signal ? weight * (1 - 3 * more / hit.range) : weight;
                 mean.by_origin += (by_range / hit.cosine + (by_signal ? weight * more / hit.height() : 0)) * hit.normal;
                 mean.by_axis += by_range * turned[static_cast<size_t>(&hit - hits.data())];
             }
-            add_outlines(at.shape, raster, outlines, face, by_signal, beside.weight > 0, mean);
+            for (const Outline& one : outlines) {
+                double jump = 0;
+                for (int k = 0; k < 2; ++k) {
+                    if (one.sides[k] >= 0) {
+                        const RayHit& hit = hits[one.sides[k]];
+                        if (counts(hit)) jump += (k ? -1 : 1) * weight_of(hit) * (hit.range - mean.range);
+                    } else if (beside.weight > 0) {
+                        const RayHit& hit = hits[one.sides[1 - k]];
+                        const Vec3 ray = (1 / hit.length()) * hit.along;
+                        const double r = other.range(ray), w = by_signal ? signal_of(-dot(other.normal, ray), r) : 1.0;
+                        if (r > 0) jump += (k ? -1 : 1) * w * (r - mean.range);
+                    }
+                }
+                mean.by_origin += jump * one.by_origin;
+                mean.by_axis += jump * one.by_axis;
+            }
             mean.by_origin = (1 / all.weight) * mean.by_origin;
             mean.by_axis = (1 / all.weight) * mean.by_axis;
         }
-        const double raster = error > 0 ? RAYS_ERROR * RAYS_ERROR / (count * std::sqrt(static_cast<double>(count))) : 0;
+        const double of_rays = (face < 0 ? RAYS_ERROR : FACE_ERROR) / std::max(count, 1), raster = exact ? 0 : of_rays * of_rays;
         keep(at, mean, share * own.weight / all.weight, all.spread() * (WEIGHT_SD * WEIGHT_SD + raster), model);
     };
     for (int by_signal = 0; by_signal < 2 && of_mean > 0; ++by_signal)
@@ -410,21 +353,23 @@ void ConeRange::predict_rays(const Placement& at, const Cone& cone, const std::v
     struct Surface {
         int face;
         double signal;
-    } surfaces[MANY_RAYS];
+    } surfaces[RayPattern::MOST];
     int faces = 0;
     for (const RayHit& hit : hits) {
         const int face = at.shape.faces[hit.triangle];
-        const double signal = signal_of(hit.cosine, hit.range);
+        const double signal = hit.share * signal_of(hit.cosine, hit.range);
         int j = 0;
         while (j < faces && surfaces[j].face != face) ++j;
+        if (j == RayPattern::MOST) continue;
         if (j == faces) surfaces[faces++] = {face, 0};
         surfaces[j].signal += signal;
     }
     double most = other.free[1].weight;
     for (int j = 0; j < faces; ++j) most = std::max(most, surfaces[j].signal);
     double sum = std::pow(other.free[1].weight / most, STRONGER);
-    for (int j = 0; j < faces; ++j) sum += surfaces[j].signal = std::pow(surfaces[j].signal / most, STRONGER);
-    for (int j = 0; j < faces; ++j) add_mean(surfaces[j].face, false, {}, of_strongest * surfaces[j].signal / sum, 0);
+    for (int j = 0; j < faces; ++j) sum += surfaces[j].signal = std::pow(std::max(surfaces[j].signal, 0.0) / most, STRONGER);
+    for (int j = 0; j < faces; ++j)
+        if (surfaces[j].signal > 0) add_mean(surfaces[j].face, false, {}, of_strongest * surfaces[j].signal / sum, 0);
 }
 
 // By the distance field: a surface is at the range somewhere in the spot, and the ball that the cone holds is empty.

@@ -1,5 +1,7 @@
 #include "shape/shape.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "normal.hpp"
@@ -100,6 +102,24 @@ int Shape::near_triangle(const Vec3& p) const {
     const Cell cell = cell_of(p);
     const size_t row = grid_shape[2], plane = row * grid_shape[1];
     return grid_triangle[cell.node + (cell.f[0] > 0.5) * plane + (cell.f[1] > 0.5) * row + (cell.f[2] > 0.5)];
+}
+
+const std::vector<int>& Shape::neighbours() const {
+    std::call_once(beyond->once, [&] {
+        std::vector<std::array<int, 3>> sides;  // the ends of each side, the lower one first, and its number
+        for (size_t k = 0; k < triangles.size(); ++k) {
+            const int a = triangles[k], b = triangles[k % 3 == 2 ? k - 2 : k + 1];
+            sides.push_back({std::min(a, b), std::max(a, b), static_cast<int>(k)});
+        }
+        std::sort(sides.begin(), sides.end());
+        beyond->rows.assign(sides.size(), -1);
+        for (size_t k = 0; k + 1 < sides.size(); ++k)
+            if (sides[k][0] == sides[k + 1][0] && sides[k][1] == sides[k + 1][1]) {
+                beyond->rows[sides[k][2]] = sides[k + 1][2] / 3;
+                beyond->rows[sides[k + 1][2]] = sides[k][2] / 3;
+            }
+    });
+    return beyond->rows;
 }
 
 double Shape::hit_at(int t, const Vec3& origin, const Vec3& direction) const {

@@ -2,6 +2,8 @@
 // corners.
 #pragma once
 #include <cstdint>
+#include <memory>
+#include <mutex>
 #include <vector>
 
 #include "shape/bvh.hpp"
@@ -112,6 +114,8 @@ class Shape : public ShapeNumbers {
     Closest closest_about(const Vec3& p) const;  // on the triangle nearest to the nearest node of the grid
     // first triangle that a ray hits: distance (1e300 for none) and triangle; faster if `guess` is that triangle
     double cast(const Vec3& origin, const Vec3& direction, double reach, int* triangle = nullptr, int guess = -1) const;
+    // the triangles beyond the three sides of each triangle, the first from its first to its second corner; -1 for none
+    const std::vector<int>& neighbours() const;
     double hit_at(int triangle, const Vec3& origin, const Vec3& direction) const;  // distance; 1e300 for no hit
     // calls visit(triangle) for all triangles that rays within `beside` of a ray may hit within a reach
     template <class Visit>
@@ -178,6 +182,11 @@ class Shape : public ShapeNumbers {
     template <class Self, class Visit>
     static void each_array(Self& shape, Visit&& visit);
 
+    struct Neighbours {
+        std::once_flag once;
+        std::vector<int> rows;
+    };
+    std::unique_ptr<Neighbours> beyond = std::make_unique<Neighbours>();  // found at their first use
     Bvh triangle_tree, flat_tree, edge_tree;
     Array<float> grid;
     Array<int> grid_triangle;  // nearest triangle to each node
