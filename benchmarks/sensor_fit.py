@@ -70,7 +70,7 @@ def zones(logs, seed):
             rig = tanteo.read_rig(file)
         rows = []
         for k in range(logs):
-            log = zones_log(np.random.default_rng((seed, k)), rig)
+            log = zones_log(np.random.default_rng((seed, side, k)), rig)  # each row has devices of its own
             start = time.process_time()
             found = calibrate(log, rig=rig)
             spent = time.process_time() - start

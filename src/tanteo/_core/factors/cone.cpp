@@ -406,7 +406,7 @@ void Seen::add_outlines(const RayPattern& pattern, bool whole, bool with_slope, 
         }
         const double turn = from == side.i ? per_area : -per_area;
         // adds the outline at a place of the path between two triangles, whose normal is (ex, ey)
-        const auto add = [&](int own, int behind, double at, double ex, double ey, bool moves) {
+        const auto add = [&](int own, int hidden, double at, double ex, double ey, bool moves) {
             double size = std::sqrt(ex * ex + ey * ey);
             if (path.dx * ex + path.dy * ey < 0) size = -size;
             const double nx = ex / size, ny = ey / size;
@@ -416,7 +416,7 @@ void Seen::add_outlines(const RayPattern& pattern, bool whole, bool with_slope, 
             Outline outline;
             double nearest = 0;
             for (int k = 0; k < 2; ++k) {
-                const int row = k ? behind : own;
+                const int row = k ? hidden : own;
                 if (row < 0) continue;
                 RayHit hit = hit_at(row, x, y);
                 if (!(hit.cosine > 1e-3) || !(hit.range > 0)) continue;
