@@ -501,8 +501,8 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
         decisive = [
             s
             for s in live
-            if s.log_missed() > total + enough
-            and s.restarts < (own.rounds if s.is_ridge() or s.log_evidence < log_unknown else own.most_rounds)
+            if s.restarts < (own.rounds if s.is_ridge() or s.log_evidence < log_unknown else own.most_rounds)
+            and s.log_missed(total + enough) > total + enough
         ]
         doubtful = best.restarts < 1.5 * own.rounds and (best.is_doubtful() or best.is_noisy())
         if doubtful and best not in decisive:
@@ -511,7 +511,7 @@ def _restart(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown
             s
             for s in live
             if may_be_missed and s not in decisive and s.restarts < own.rounds
-            and (s.log_missed() > s.log_evidence + enough or not len(s.peaks))
+            and (s.log_missed(s.log_evidence + enough) > s.log_evidence + enough or not len(s.peaks))
         ]  # fmt: skip
         spent = sum(min(s.restarts, own.rounds) for s in live) + len(decisive)
         others = sorted(others, key=lambda s: -s.log_missed())[: max(budget - spent, 0)]

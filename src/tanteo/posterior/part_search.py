@@ -89,17 +89,22 @@ class PartSearch:
         log_number = float(2 * log_sum(evidence) - log_sum(2 * evidence)) if len(evidence) else 0.0
         return log_number > np.log(self.settings.rounds)
 
-    def log_missed(self) -> float:
-        """Return the log-evidence of the regions that the search is expected to have missed."""
-        if self._missed is None or self._missed[0] is not self.peaks:
-            peaks = self.peaks
-            log = self._constant + log_missed(peaks.evidence, peaks.times)
-            if log > self.log_evidence + np.log(self.settings.missing):  # several maxima may be one region
-                rows = regions_of_maxima(self.objective, peaks)
-                masses = np.array([float(log_sum(peaks.evidence[own])) for own in rows])
-                sources = np.bitwise_count([np.bitwise_or.reduce(peaks.groups[own]) for own in rows])
-                log = self._constant + log_missed(masses, sources)
-            self._missed = peaks, log
+    def log_missed(self, least: float = -np.inf) -> float:
+        """Return the log-evidence of the regions that the search is expected to have missed.
+
+        Args:
+            least: a bound from above suffices where it is not more than this.
+        """
+        peaks = self.peaks
+        if self._missed is not None and self._missed[0] is peaks:
+            return self._missed[1]
+        log = self._constant + log_missed(peaks.evidence, peaks.times)  # no less than that of regions
+        if log <= max(self.log_evidence + np.log(self.settings.missing), least):
+            return log
+        rows = regions_of_maxima(self.objective, peaks)  # several maxima may be one region
+        masses = np.array([float(log_sum(peaks.evidence[own])) for own in rows])
+        sources = np.bitwise_count([np.bitwise_or.reduce(peaks.groups[own]) for own in rows])
+        self._missed = peaks, self._constant + log_missed(masses, sources)
         return self._missed[1]
 
     @property
