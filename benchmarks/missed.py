@@ -41,9 +41,9 @@ def one(target, count, outlier, sensor, prior, number):
     T = box_centred_pose(rng)
     points = scene(target, T, SENSORS[sensor], count, rng, outlier=outlier, radius=radius)[0]
     pose = None if prior is None else PosePrior(T @ SE3.exp(-prior * rng.normal(size=6)), np.diag(prior**2))
-    problem = Problem(points, FreeRays.none(), Priors(pose=pose, radius=radius))
+    problem = Problem(points, FreeRays.none(), Priors(pose=pose, radius=radius), typical_area=target.part.area)
     start = time.process_time()
-    found = infer(problem, [target], 1, target.part.centroid, target.part.area, np.random.default_rng(number))
+    found = infer(problem, [target], 1, target.part.centroid, np.random.default_rng(number))
     taken = time.process_time() - start
     truth = start_search(problem, target, np.random.default_rng(0)).objective.maximize(T[None], fine=True)
     if not len(truth):

@@ -295,7 +295,8 @@ class Query:
         points = as_contact_points(measured, own_sd, readings.ranges.take(measured.rows))
         priors = _with_noise_factor(own["priors"], readings, own["sensor"], own["sd"], unstated)
         priors = sized(priors, float(candidates.radii.max()))
-        return Problem(points, as_free_rays(measured, own_sd), priors, settings=settings), candidates
+        area, rays = float(candidates.areas.mean()), as_free_rays(measured, own_sd)
+        return Problem(points, rays, priors, settings=settings, typical_area=area), candidates
 
     def answer(
         self,

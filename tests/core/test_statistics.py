@@ -47,9 +47,8 @@ def drawn(prepared, n, rng, rate):
 def posterior(prepared, points, rng, rate):
     touched = surface_points(points, SD)
     priors = Priors(radius=prepared.part.radius, outlier_rate=rate, noise_factor=1.0)
-    return infer(
-        Problem(touched, FreeRays.none(), priors), [prepared], 1, prepared.part.centroid, prepared.part.area, rng
-    )
+    problem = Problem(touched, FreeRays.none(), priors, typical_area=prepared.part.area)
+    return infer(problem, [prepared], 1, prepared.part.centroid, rng)
 
 
 def rank(found, T):

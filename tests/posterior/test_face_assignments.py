@@ -34,7 +34,11 @@ def scene(name, n, rng, *, directed=False, away=None):
         x[away] += [0, 0, 0.05]
     near = PosePrior(T_world_part=T @ SE3.exp(-WIDTHS * rng.normal(size=6)), covariance=np.diag(WIDTHS**2))
     touches = touches_of(x, SD, directions=None if d is None else d @ T[:3, :3].T)
-    return part, T, Problem(touches, FreeRays.none(), Priors(pose=near, radius=part.part.radius))
+    return (
+        part,
+        T,
+        Problem(touches, FreeRays.none(), Priors(pose=near, radius=part.part.radius), typical_area=part.part.area),
+    )
 
 
 def searched(part, problem, **changed):
@@ -89,7 +93,7 @@ def test_a_pose_that_fits_as_well_is_a_mode(seed):
     """Its assignment of points to faces differs from that of the best maximum in up to three points."""
     rng = np.random.default_rng((55, seed))
     part, T, problem = scene(NAMES[seed % len(NAMES)], 6, rng)
-    found = infer(problem, [part], 1, part.part.centroid, part.part.area, np.random.default_rng(seed))
+    found = infer(problem, [part], 1, part.part.centroid, np.random.default_rng(seed))
     _, truth = maximum_at(part, problem, T)
     near = [mode for mode in found.modes if nees(part.part, mode.T_world_part, mode.covariance, T)[0] < 45]
     assert near or truth.evidence[0] < found.searches[0].peaks.evidence[0] - 4.5

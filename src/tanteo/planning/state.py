@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tanteo.factors import ContactPoints, FreeRays
+from tanteo.geometry.special import log_even
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 from tanteo.planning.start import Start
 from tanteo.posterior import DEFAULTS, Mode, Posterior, PreparedPart, Problem, posterior_of_factors, update_posterior
@@ -242,9 +243,13 @@ def _updated(
     start = before.start
     priors, log_priors = start.priors, _log_priors(start)
     some = np.flatnonzero(np.isfinite(log_priors))
-    problem = Problem(touches, free, priors, mixtures=start.mixtures(), pose_factors=start.factors, settings=settings)
     area = float(np.mean([target.part.area for target in start.targets]))
-    anywhere = np.log(priors.unknown) + problem.log_not_on_part.sum() + problem.region.log_gain_of_unknown(area)
+    problem = Problem(
+        touches, free, priors, mixtures=start.mixtures(), pose_factors=start.factors, settings=settings,
+        typical_area=area,
+    )  # fmt: skip
+    anywhere = np.log(priors.unknown) + problem.log_not_on_part.sum()
+    anywhere += log_even(problem.region.log_gain_of_unknown(area))
     anywhere += len(free) * np.log1p(-priors.outlier_rate) + problem.log_factors_unknown
     # the same readings give the same posterior
     rng = np.random.default_rng((1991, len(touches), len(free), *([again] if again else [])))

@@ -371,7 +371,9 @@ class _Box:
         log += np.log(self.cosines[(outer | later) & directed]).sum()
         log += np.sum(np.log(problem.priors.outlier_rate) + problem.log_outlier[self.rows[off]])
         anywhere = (
-            log_even(region.log_gain_of_unknown(part.area)) + np.log(volume) + problem.log_outlier[self.rows].sum()
+            log_even(region.log_gain_of_unknown(problem.typical_area))
+            + np.log(volume)
+            + problem.log_outlier[self.rows].sum()
         )
         return float(log - anywhere)
 

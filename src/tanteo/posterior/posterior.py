@@ -60,7 +60,6 @@ def infer(
     parts: Sequence[PreparedPart],
     count: int,
     centroid: Vectors,
-    area: float,
     rng: np.random.Generator,
     *,
     known: Sequence[Transforms | None] = (),
@@ -74,14 +73,13 @@ def infer(
         parts: parts to search.
         count: number of all candidates, pruned ones included.
         centroid: mean of the centroids of all parts, in their frames ``(3,)`` [m].
-        area: mean surface area of all parts [m^2].
         rng: generator of all draws.
         known: initial poses of each searched part; None without initial poses.
         exhaustive: whether the initial poses are all poses that labels and normals allow.
         unsearched: the parts that are not searched; None if all are.
     """
     prior = float(np.log1p(-problem.priors.unknown) - np.log(max(count, 1)))
-    anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid, area)
+    anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid)
     whole = unsearched is None or not unsearched.count
     if whole and are_placeable(problem) and not any(problem.may_fix(part.part) for part in parts):
         placed = _integrated(problem, parts, prior, anywhere, rng)

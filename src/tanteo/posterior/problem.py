@@ -59,6 +59,7 @@ class Problem:
         odds: log odds of each part by its global properties, by name; empty without measurements of these.
         pose_factors: measurements of the pose other than points and rays, such as images and functions of a user.
         settings: settings of the inference.
+        typical_area: surface area of a typical object, the mean of the parts [m^2]; 0 without parts.
         furniture: points that may be on furniture.
         groups: index of the label of each point ``(n,)``; -1 for a point without a label.
         label_evidence: densities of labelled points on surfaces of an unknown object.
@@ -74,6 +75,7 @@ class Problem:
     odds: Mapping[str, float] = field(default_factory=dict)
     pose_factors: tuple[PoseFactor, ...] = ()
     settings: Settings = DEFAULTS
+    typical_area: float = 0.0
     furniture: FurniturePoints = field(init=False, repr=False)
     groups: IntArray = field(init=False, repr=False)
     label_evidence: LabelEvidence = field(init=False, repr=False)

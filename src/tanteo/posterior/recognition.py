@@ -75,8 +75,9 @@ def identify_points(
     clock = Clock()
     candidates = Candidates(parts)
     problem = Problem(
-        points, rays, sized(priors, float(candidates.radii.max())), pose_factors=tuple(factors), settings=settings
-    )
+        points, rays, sized(priors, float(candidates.radii.max())), pose_factors=tuple(factors), settings=settings,
+        typical_area=float(candidates.areas.mean()),
+    )  # fmt: skip
     clock.lap("prepare")
     if (few := observability_gate(problem)) is not None:
         return Answer("insufficient", (few,), (), 1.0, clock.laps(), seed, significance=significance)
@@ -168,7 +169,7 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Active, seed: int)
     centroid = candidates.centroids.mean(axis=0)
     log_ratio = chosen.unsearched if chosen.bound else None
     return infer(
-        problem, parts, len(candidates), centroid, float(candidates.areas.mean()), np.random.default_rng(seed),
+        problem, parts, len(candidates), centroid, np.random.default_rng(seed),
         known=known,
         exhaustive=chosen.exhaustive,
         unsearched=Unsearched(len(rest), log_ratio, chosen.discount, similar, chosen.bound and not chosen.exhaustive),

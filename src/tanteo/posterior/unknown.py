@@ -69,7 +69,7 @@ def _directions() -> Vectors:
     return np.stack([np.cos(turn) * np.sqrt(1 - z * z), np.sin(turn) * np.sqrt(1 - z * z), z], axis=1)
 
 
-def log_anywhere(problem: Problem, centroid: Vectors, area: float) -> float:
+def log_anywhere(problem: Problem, centroid: Vectors) -> float:
     """Return the log density of all readings if the object is unknown: in a ball whose position follows the prior.
 
     Points of one label are on one surface of any object, and most of its faces run along three perpendicular axes.
@@ -79,7 +79,6 @@ def log_anywhere(problem: Problem, centroid: Vectors, area: float) -> float:
     Args:
         problem: measurements and priors.
         centroid: mean centroid of the parts, in their frames ``(3,)`` [m].
-        area: surface area of a typical object, the mean of the parts [m^2].
     """
     points, priors, labels = problem.points, problem.priors, problem.label_evidence
     if not len(points):
@@ -92,7 +91,7 @@ def log_anywhere(problem: Problem, centroid: Vectors, area: float) -> float:
         near = _log_placed(points.points[placed[~distant]], priors, centroid)
         place = problem.distant.mean(near + log_all_outliers(int(distant.sum()), priors.outlier_rate), place)
     even, chosen = labels.log_designs.sum(axis=1)
-    places = np.logaddexp(even, chosen + problem.region.log_gain_of_unknown(area)) - np.log(2)
+    places = np.logaddexp(even, chosen + problem.region.log_gain_of_unknown(problem.typical_area)) - np.log(2)
     shapes = places + log_joint_surfaces(labels.facets, priors.right_angled, priors.radius, problem.settings)
     return float(problem.log_not_on_part.sum() + place + shapes) + problem.log_factors_unknown
 
