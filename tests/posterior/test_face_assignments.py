@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import manifold3d
 import numpy as np
 import pytest
 
@@ -13,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import few_touches
 
 from bare_scenes import beams, box_centred_pose, holds, nees, surface_points, touches_of
-from tanteo import _core, locate, read_part
+from tanteo import Readings, _core, locate, part_from_mesh, read_part
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3, SO3
 from tanteo.posterior import PosePrior, Priors, Problem, infer, prepare
@@ -109,3 +110,34 @@ def test_a_pose_under_a_tight_level_is_not_lost(number):
     assert not unknown
     assert not wrong
     assert share > 0.5
+
+
+def ribbed(thickness):
+    """Return a large plate with two thin ribs, as a mesh of flat faces."""
+    body = manifold3d.Manifold.cube((0.5, 0.35, 0.03))
+    body += manifold3d.Manifold.cube((0.3, thickness, 0.04)).translate((0.1, 0.15, 0.015))
+    body += manifold3d.Manifold.cube((thickness, 0.35, 0.035)).translate((0.06, 0, 0.015))
+    mesh = body.to_mesh()
+    return part_from_mesh(mesh.vert_properties[:, :3].astype(float), mesh.tri_verts, unit="m", name="ribbed")
+
+
+def test_both_sides_of_a_thin_rib_are_modes():
+    """Touches without a direction are on one side of the rib or on the other, of a plate 250 times as long."""
+    part, found = ribbed(0.002), 0
+    low, high = np.array([
+        ((0.15, 0.02, 0.03), (0.45, 0.12, 0.03)), ((0.15, 0.02, 0.03), (0.45, 0.33, 0.03)),
+        ((0.45, 0.05, 0.03), (0.495, 0.3, 0.03)), ((0.5, 0.05, 0.003), (0.5, 0.15, 0.027)),
+        ((0.5, 0.05, 0.003), (0.5, 0.3, 0.027)), ((0.11, 0.15, 0.035), (0.2, 0.15, 0.053)),
+        ((0.3, 0.15, 0.035), (0.39, 0.15, 0.053)), ((0.15, 0.05, 0), (0.45, 0.3, 0)), ((0.15, 0.05, 0), (0.45, 0.3, 0)),
+    ]).swapaxes(0, 1)  # fmt: skip
+    for seed in range(1, 5):
+        rng = np.random.default_rng((5, seed))
+        T = box_centred_pose(rng)
+        points = SE3.apply(T, rng.uniform(low, high)) + rng.normal(0, 2e-5, (len(low), 3))
+        near = [
+            h.probability
+            for h in locate(Readings.from_columns(points), part, sd=2e-5).hypotheses
+            if np.linalg.norm(SE3.apply(h.T_world_part, part.centroid) - SE3.apply(T, part.centroid)) < 5e-4
+        ]
+        found += sum(near) > 0.01
+    assert found >= 3

@@ -41,6 +41,7 @@ from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals import InitialPoses
 from tanteo.posterior.proposals.built_in import (  # fmt: skip
     KnownPoses,
+    near_assignments,
     planes_at,
     poses_on_planes,
 )
@@ -562,8 +563,9 @@ def still_active(searches: Sequence[PartSearch], log_unknown: float, margin: flo
 def _pass_on(searches: Sequence[PartSearch]) -> None:
     """Try the best poses of the leading parts on the others, and poses of all with the same planes on other faces.
 
-    Twins and variants share their frames. Mirrored and nearly symmetric ones have the touched planes on other faces. As
-    all such poses are tried, their maxima are found as surely as that of the leader.
+    Twins and variants share their frames. Mirrored and nearly symmetric ones have the touched planes on other faces. Of
+    a thin wall, points without a direction may be on either side. As all such poses are tried, their maxima are found
+    as surely as that of the leader.
     """
     order = sorted((s for s in searches if len(s.peaks)), key=lambda s: -s.log_evidence)
     if not order:
@@ -577,14 +579,16 @@ def _pass_on(searches: Sequence[PartSearch]) -> None:
 
     def try_on(search: PartSearch) -> None:
         counted, own_objective = search.log_evidence > top - own.search.negligible, search.objective
-        new = [k for k, (other, best) in enumerate(leading) if not search.has_tried(other, best, counted=counted)]
+        left = [k for k, (other, best) in enumerate(leading) if not search.has_tried(other, best, counted=counted)]
         poses = [
-            InitialPoses(leading[k][1].Ts, leading[k][1].groups) for k in new if leading[k][0] is not own_objective
+            InitialPoses(leading[k][1].Ts, leading[k][1].groups) for k in left if leading[k][0] is not own_objective
         ]
-        for k in new:
+        for k in left:
             Ts = poses_on_planes(planes[k], own_objective)
             poses.append(InitialPoses(Ts, np.full(len(Ts), leading[k][1].groups[0])))
         if poses:
             search.add(InitialPoses.joined(poses), search.most_if_improbable(leader), leader)
+        while any(search is one for one in order) and not search.is_ridge() and len(new := search.not_reassigned()):
+            search.add(near_assignments(own_objective, new, float(own_objective.scales.refine[-1])), None, leader)
 
     for_each(try_on, searches)

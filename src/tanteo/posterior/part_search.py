@@ -67,6 +67,7 @@ class PartSearch:
     exhaustive: bool = False
     log_odds: float = 0.0
     _tried: dict[int, Peaks] = field(default_factory=dict)
+    _reassigned: Peaks | None = None
     _evidence: tuple[Peaks, float] | None = None
     _missed: tuple[Peaks, float] | None = None
 
@@ -220,6 +221,14 @@ class PartSearch:
             return True
         self._tried[id(other.prepared)] = known.join(best)
         return False
+
+    def not_reassigned(self) -> Peaks:
+        """Return the probable maxima about which other assignments of points to faces were not tried; note them."""
+        likely = self.peaks.evidence > self.peaks.evidence[:1] + np.log(self.settings.missing)
+        new, tried = self.peaks.take(np.flatnonzero(likely)), self._reassigned
+        new = self.objective.unlike(new, tried) if tried is not None else new
+        self._reassigned = new if tried is None else tried.join(new)
+        return new
 
     def take_tried(self, few: PartSearch) -> None:
         """Count the poses of other parts as tried that a search with a few of the points tried."""

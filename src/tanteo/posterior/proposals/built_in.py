@@ -105,9 +105,9 @@ class FaceAssignments(Proposer):
         known = problem.mixture(part)
         if state.round or known is None or not len(state.objective.rows) or not _is_coarse(known, problem, part):
             return InitialPoses.none()
-        Ts, complete = _assigned(problem, part, state, known, outliers=0)
+        Ts, complete = _assigned(state.objective, known, outliers=0)
         if complete and not len(Ts):
-            Ts, complete = _assigned(problem, part, state, known, outliers=1)
+            Ts, complete = _assigned(state.objective, known, outliers=1)
         source = EXHAUSTIVE if complete else 1 << int(state.rng.integers(BITS))
         return InitialPoses.refined_poses(Ts, np.full(len(Ts), source, dtype=np.int64))
 
@@ -124,20 +124,33 @@ class NearbyAssignments(Proposer):
     def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
         """Propose these poses with the sources of the best maximum, so that they are found as surely."""
         best, objective, count = state.best, state.objective, state.effort.moved
-        if not (count and len(best) and len(objective.rows) and len(objective.scales.blurs) and state.is_doubtful()):
+        if not (count and len(best) and len(objective.scales.blurs) and state.is_doubtful()):
             return InitialPoses.none()
         if best.groups[0] == EXHAUSTIVE:  # all assignments near a prior were tried
             return InitialPoses.none()
-        Ts, blur, known = best.Ts[:count], objective.scales.blur, problem.mixture(part)
-        turn = min(blur / (0.25 * part.part.diagonal), _WIDEST_TURN)
-        information = np.tile(np.diag(np.repeat([blur, turn], 3) ** -2.0), (len(Ts), 1, 1))
-        if known is not None:
-            gaps, of_prior = SE3.log(SE3.inverse(known.Ts)[:, None] @ Ts), np.linalg.inv(known.covariances)
-            information += of_prior[np.argmin(np.einsum("kni,kij,knj->kn", gaps, of_prior, gaps), axis=0)]
-        covariances = np.asarray(np.linalg.inv(information), dtype=np.float64)
-        near = PoseMixture(Ts, covariances, -np.arange(len(Ts), dtype=np.float64))
-        found, _ = _assigned(problem, part, state, near, outliers=0)
-        return InitialPoses.refined_poses(found, np.full(len(found), best.groups[0]))
+        return near_assignments(objective, best.take(np.arange(min(count, len(best)))), objective.scales.blur)
+
+
+def near_assignments(objective: Objective, peaks: Peaks, width: float) -> InitialPoses:
+    """Return the poses about some maxima at which all points are on faces, with the sources of the best maximum.
+
+    Args:
+        objective: the part and the measurements.
+        peaks: the maxima, at least one, best first.
+        width: standard deviation of the places about the maxima, or of the prior where this is narrower [m].
+    """
+    problem, part, Ts = objective.problem, objective.prepared, peaks.Ts
+    if not len(objective.rows):
+        return InitialPoses.none()
+    turn, known = min(width / (0.25 * part.part.diagonal), _WIDEST_TURN), problem.mixture(part)
+    information = np.tile(np.diag(np.repeat([width, turn], 3) ** -2.0), (len(Ts), 1, 1))
+    if known is not None:
+        gaps, of_prior = SE3.log(SE3.inverse(known.Ts)[:, None] @ Ts), np.linalg.inv(known.covariances)
+        information += of_prior[np.argmin(np.einsum("kni,kij,knj->kn", gaps, of_prior, gaps), axis=0)]
+    covariances = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    near = PoseMixture(Ts, covariances, -np.arange(len(Ts), dtype=np.float64))
+    found, _ = _assigned(objective, near, outliers=0)
+    return InitialPoses.refined_poses(found, np.full(len(found), peaks.groups[0]))
 
 
 def _is_coarse(known: PoseMixture, problem: Problem, part: PreparedPart) -> bool:
@@ -150,11 +163,10 @@ def _is_coarse(known: PoseMixture, problem: Problem, part: PreparedPart) -> bool
     return turn < _WIDEST_TURN and float(prior_sds(known.covariances, part).max()) > noise
 
 
-def _assigned(
-    problem: Problem, part: PreparedPart, state: SearchState, known: PoseMixture, *, outliers: int
-) -> tuple[Transforms, bool]:
+def _assigned(objective: Objective, known: PoseMixture, *, outliers: int) -> tuple[Transforms, bool]:
     """Return the poses of assignments near the prior poses, best first, and whether these are all assignments."""
-    own, objective, centre = problem.settings.search, state.objective, part.shape.centre
+    problem, part = objective.problem, objective.prepared
+    own, centre = problem.settings.search, part.shape.centre
     about_centre = np.eye(6)
     about_centre[:3, 3:] = SO3.hat(centre)
     noise, left, complete, Ts, scores = float(np.exp(own.noise_fraction * problem.scale_sd)), _NODES, True, [], []
