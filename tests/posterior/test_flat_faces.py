@@ -40,7 +40,7 @@ def shared(target, points, T, tolerance=0.0, noise_factor=1.0, **columns):
     """Return the problem of touches and what they share at a pose, at the noise as stated."""
     priors = Priors(radius=RADIUS, noise_factor=noise_factor)
     touches = replace(touches_of(points, SD, **columns), tolerance=tolerance)
-    problem = Problem(touches, FreeRays.none(), priors)
+    problem = Problem(touches, FreeRays.none(), priors, typical_area=target.part.area)
     objective, zs = start_search(problem, target, np.random.default_rng(0)).objective, np.zeros((1, problem.states))
     at = details_at(objective, T[None], zs)
     return problem, at, shared_planes(at, problem, target.part, T[None], zs, VOLUME)
