@@ -12,28 +12,35 @@ namespace {
 constexpr int MOST_COLUMNS = 21;
 
 // Slope of a sum over the states of one image, which are few of all.
-struct OwnSlope {
-    double gradient[MOST_COLUMNS] = {}, information[MOST_COLUMNS * MOST_COLUMNS] = {};
-
-    void add(double pull, double weight, const double* row, int count) {
+class OwnSlope {
+  public:
+    explicit OwnSlope(int count) : count(count) {
+        std::fill_n(gradient, count, 0.0);
+        std::fill_n(information, count * count, 0.0);
+    }
+    void add(double pull, double weight, const double* row) {
         for (int a = 0; a < count; ++a) {
             gradient[a] += pull * row[a];
             const double scaled = weight * row[a];
-            for (int b = 0; b <= a; ++b) information[a * MOST_COLUMNS + b] += scaled * row[b];
+            for (int b = 0; b <= a; ++b) information[a * count + b] += scaled * row[b];
         }
     }
     void add(double factor, const OwnSlope& other) {
-        for (int a = 0; a < MOST_COLUMNS; ++a) gradient[a] += factor * other.gradient[a];
-        for (int k = 0; k < MOST_COLUMNS * MOST_COLUMNS; ++k) information[k] += factor * other.information[k];
+        for (int a = 0; a < count; ++a) gradient[a] += factor * other.gradient[a];
+        for (int k = 0; k < count * count; ++k) information[k] += factor * other.information[k];
     }
-    void add_to(const Slope& slope, const int* columns, int count) const {
+    void add_to(const Slope& slope, const int* columns) const {
         for (int a = 0; a < count; ++a) {
             slope.gradient[columns[a]] += gradient[a];
             for (int b = 0; b <= a; ++b)
                 slope.information[std::max(columns[a], columns[b]) * slope.size + std::min(columns[a], columns[b])] +=
-                    information[a * MOST_COLUMNS + b];
+                    information[a * count + b];
         }
     }
+
+  private:
+    int count;
+    double gradient[MOST_COLUMNS], information[MOST_COLUMNS * MOST_COLUMNS];
 };
 
 double normal_density(double d, double sd) { return std::exp(-0.5 * d * d / (sd * sd)) / (std::sqrt(2 * PI) * sd); }
@@ -45,7 +52,7 @@ struct ImageEdges::Sample {
     EdgeMatch at;
     int edge;
     double seen, offset;
-    std::array<double, MOST_COLUMNS> row;  // derivative of the offset by the states
+    const double* row;  // derivative of the offset by the states
 };
 
 ImageEdges::ImageEdges(std::shared_ptr<const EdgePart> part_, std::shared_ptr<const EdgeImage> image_,
@@ -113,8 +120,15 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
 
     int columns[MOST_COLUMNS];
     for (int c = 0; c < 6 + states; ++c) columns[c] = c < 6 ? c : c < 6 + own ? first + c : common + c - own;
-    std::vector<Sample> all, matched;
+    std::vector<Sample> all;
+    std::vector<size_t> matched;  // of all samples
     std::vector<EdgePlace> everywhere, places;
+    std::vector<double> rows;
+    all.reserve(frame.size());
+    matched.reserve(frame.size());
+    everywhere.reserve(frame.size());
+    places.reserve(frame.size());
+    if (slope) rows.reserve(frame.size() * (6 + states));
     std::vector<double> missed(part->edges), missed_log(part->edges);
     for (size_t k = 0; k < frame.size(); ++k) {
         if (!view->shown[k]) continue;
@@ -122,7 +136,7 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
         if (!m.inside) continue;
         const double seen = view->rims[k] ? rules.rim_seen : rules.crease_seen;
         const int edge = part->groups[k];
-        all.push_back({m, edge, seen, 0, {}});
+        all.push_back({m, edge, seen, 0, nullptr});
         everywhere.push_back({m.x, m.y, m.nx, m.ny, m.span, 0, edge});
         if (m.point < 0) {
             missed[edge] += m.span;
@@ -141,7 +155,9 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
         all.back().offset = offset;
         if (slope) {
             // the offset shrinks by m.slope along motions of the part about its origin; about c they are (v + c x w, w)
-            double* row = all.back().row.data();
+            double* row = rows.data() + rows.size();
+            rows.resize(rows.size() + 6 + states);
+            all.back().row = row;
             const Vec3 by = load(m.slope), turn = load(m.slope + 3) + cross(by, slope->centre);
             store(-by, row);
             store(-turn, row + 3);
@@ -159,38 +175,39 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
             }
             if (image->has_response) row[5 + own] = -0.5 * responding;
         }
-        matched.push_back(all.back());
+        matched.push_back(all.size() - 1);
         places.push_back({m.x + offset * m.nx, m.y + offset * m.ny, m.nx, m.ny, std::max(m.span, rules.beside),
                           std::fabs(offset), edge});
     }
     const std::vector<char> is_own = foremost(places, rules.along);
     std::vector<double> length(part->edges);
     for (size_t k = 0; k < matched.size(); ++k)
-        if (is_own[k]) length[matched[k].edge] += matched[k].at.span;
+        if (is_own[k]) length[all[matched[k]].edge] += all[matched[k]].at.span;
 
     Sums sums;
-    OwnSlope found;
+    OwnSlope found(slope ? 6 + states : 0);
     const double spread = 1 / (rules.spread * rules.spread), wide = 1 / (rules.displaced_sd * rules.displaced_sd);
     for (size_t k = 0; k < matched.size(); ++k) {
         if (!is_own[k]) continue;
-        const EdgeMatch& m = matched[k].at;
+        const Sample& sample = all[matched[k]];
+        const EdgeMatch& m = sample.at;
         const float chance = image->chance[image->chance.size() > 1 ? m.point : 0];
-        const double d = matched[k].offset, scale = matched[k].seen * 2 * rules.reach / chance;
+        const double d = sample.offset, scale = sample.seen * 2 * rules.reach / chance;
         const double near = (1 - rules.displaced) * scale * normal_density(d, rules.spread);
         const double far = rules.displaced * scale * normal_density(d, rules.displaced_sd);
-        const double total = near + far + 1 - matched[k].seen;
-        const double weight = m.span / rules.stretch / (1 + length[matched[k].edge] / rules.whole);
+        const double total = near + far + 1 - sample.seen;
+        const double weight = m.span / rules.stretch / (1 + length[sample.edge] / rules.whole);
         sums.hits += weight * std::log(total);
         sums.squares += d * d;
         sums.matched += 1;
         if (!slope) continue;
         const double information = rules.hits * weight * (near * spread + far * wide) / total;
-        found.add(-information * d, information, matched[k].row.data(), 6 + states);
+        found.add(-information * d, information, sample.row);
     }
     for (int e = 0; e < part->edges; ++e)
         if (missed[e] > 0) sums.misses += missed_log[e] / rules.stretch / (1 + missed[e] / rules.whole);
     if (rules.astray > 0) locate(all, ambiguous_places(everywhere, rules.beside, rules.along), sums, slope, columns, 6 + states);
-    if (slope) found.add_to(*slope, columns, 6 + states);
+    if (slope) found.add_to(*slope, columns);
     sums.there = rules.hits * sums.hits + rules.misses * sums.misses;
     sums.log = sums.there + sums.located - level_at(state.pose, sums.astray);
     return sums;
@@ -202,11 +219,13 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
 void ImageEdges::locate(const std::vector<Sample>& all, const std::vector<char>& beside, Sums& sums, const Slope* slope,
                         const int* columns, int count) const {
     struct Case {
-        double more, log, chi2 = 0, draws = 0;  // more: variance of the common error beyond the stated one [px^2]
-        OwnSlope slope = {};
+        double more, log;  // more: variance of the common error beyond the stated one [px^2]
+        OwnSlope slope;
+        double chi2 = 0, draws = 0;
     };
-    Case cases[] = {{0, std::log(1 - rules.inexact)},
-                    {0.25 * rules.displaced_sd * rules.displaced_sd, std::log(rules.inexact)}};
+    count = slope ? count : 0;
+    Case cases[] = {{0, std::log(1 - rules.inexact), OwnSlope(count)},
+                    {0.25 * rules.displaced_sd * rules.displaced_sd, std::log(rules.inexact), OwnSlope(count)}};
     std::vector<std::vector<const Sample*>> edges(part->edges);
     std::vector<char> visible(part->edges);
     for (size_t k = 0; k < all.size(); ++k) {
@@ -222,7 +241,7 @@ void ImageEdges::locate(const std::vector<Sample>& all, const std::vector<char>&
         const double median = own.empty() ? 0 : 0.5 * (own[(own.size() - 1) / 2]->offset + own[own.size() / 2]->offset);
         double square = 0, draws = 0, stated = 1;
         std::vector<double> weights;
-        OwnSlope independent;  // without the common error; the same in both cases
+        OwnSlope independent(count);  // without the common error; the same in both cases
         for (const Sample*& one : own) {
             const double sd = image->sds[one->at.point], b0 = image->commons[one->at.point], d = one->offset;
             const bool with_the_rest = std::fabs(d - median) < 4 * std::sqrt(sd * sd + b0 * b0 + rules.spread * rules.spread);
@@ -231,7 +250,7 @@ void ImageEdges::locate(const std::vector<Sample>& all, const std::vector<char>&
             weights.push_back(w);
             square += w * d * d;
             draws += share;
-            if (slope) independent.add(-w * d, w, one->row.data(), count);
+            if (slope) independent.add(-w * d, w, one->row);
         }
         for (Case& one_case : cases) {
             double along = 0, total = 1;
@@ -240,7 +259,7 @@ void ImageEdges::locate(const std::vector<Sample>& all, const std::vector<char>&
                 const double b0 = image->commons[own[k]->at.point], b = std::sqrt(b0 * b0 + one_case.more), w = weights[k];
                 along += w * b * own[k]->offset;
                 total += w * b * b;
-                for (int c = 0; slope && c < count; ++c) common[c] += w * b * own[k]->row[c];
+                for (int c = 0; c < count; ++c) common[c] += w * b * own[k]->row[c];
             }
             if (&one_case == cases) stated = total;
             const double chi2 = square - along * along / total;
@@ -251,20 +270,20 @@ void ImageEdges::locate(const std::vector<Sample>& all, const std::vector<char>&
             one_case.draws += probability * draws;
             if (!slope) continue;
             one_case.slope.add(probability, independent);
-            one_case.slope.add(probability * along / total, -probability / total, common.data(), count);
+            one_case.slope.add(probability * along / total, -probability / total, common.data());
         }
     }
     const double most = std::max(cases[0].log, cases[1].log), least = std::min(cases[0].log, cases[1].log);
     const double located = most + std::log1p(std::exp(least - most));
     sums.located += located;
-    OwnSlope own_slope;
+    OwnSlope own_slope(count);
     for (const Case& one : cases) {
         const double probability = std::exp(one.log - located);
         sums.chi2 += probability * one.chi2;
         sums.draws += probability * one.draws;
         if (slope) own_slope.add(probability, one.slope);
     }
-    if (slope) own_slope.add_to(*slope, columns, count);
+    if (slope) own_slope.add_to(*slope, columns);
 }
 
 }  // namespace tanteo
