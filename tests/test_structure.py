@@ -23,10 +23,10 @@ MOST = {
     "checks of a kind in Python": 0,
     "files with checks of a kind in Python": 0,
     "code lines of Python in the judged packages": 13950,
-    "code lines of C++": 13085,
+    "code lines of C++": 13090,
     "exported names": 451,
     "exported names without a user": 0,
-    "words of docs": 46050,
+    "words of docs": 46095,
     "live decisions": 40,
 }
 """Largest accepted figures. Lines and words may grow with new capabilities; the others may only fall."""

@@ -93,7 +93,8 @@ def resampled(
     """Return images with corrected constants, and their posterior, sampled until no correction decides.
 
     The samples may find a pose beside a maximum at which more edges match exactly. With the constant of the maximum it
-    would have nearly all of the probability, and other parts would be dropped.
+    would have nearly all of the probability, and other parts would be dropped. Of several parts, a few samples correct
+    most constants before many are drawn.
 
     Args:
         images: edges of images of the object, with the constants of a search.
@@ -104,21 +105,27 @@ def resampled(
         anywhere: log evidence of an unknown object, its prior included.
         log_left_out: log evidence of the excluded parts, their prior included.
     """
-    priors = np.full(len(searches), prior)
-    for _ in range(1 + len(searches)):
-        rng = np.random.default_rng(_SEED)
-        found = weigh(problem, searches, priors, anywhere, rng, log_left_out=log_left_out)
-        images, most = corrected(images, found, lying, prior)
-        if most < DEFAULTS.search.negligible:
-            break
-        problem = replace(problem, pose_factors=(*images, *(() if lying is None else (lying,))))
-        starts = [
-            (part, np.stack([*one.peaks.Ts, *(mode.T_peak for mode in found.modes if mode.prepared is part)]))
-            for one in searches
-            for part in (one.objective.prepared,)
-        ]
-        searches = search_about(problem, starts, np.random.default_rng(_SEED))
-    return tuple(images), found
+    images, priors, every = tuple(images), np.full(len(searches), prior), problem.settings
+    few = replace(every, samples=replace(every.samples, rounds=1))
+    starts = [(one.objective.prepared, one.peaks.Ts) for one in searches]
+    for settings in (few, every) if len(searches) > 1 else (every,):
+        for _ in range(1 + len(searches)):
+            if problem.settings is not settings or problem.pose_factors[: len(images)] != images:
+                problem = replace(
+                    problem, settings=settings, pose_factors=(*images, *(() if lying is None else (lying,)))
+                )
+                searches = search_about(problem, starts, np.random.default_rng(_SEED))
+            rng = np.random.default_rng(_SEED)
+            found = weigh(problem, searches, priors, anywhere, rng, log_left_out=log_left_out)
+            starts = [
+                (part, np.stack([*one.peaks.Ts, *(mode.T_peak for mode in found.modes if mode.prepared is part)]))
+                for one in searches
+                for part in (one.objective.prepared,)
+            ]
+            images, most = corrected(images, found, lying, prior)
+            if most < DEFAULTS.search.negligible:
+                break
+    return images, found
 
 
 def corrected(

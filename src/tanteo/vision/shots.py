@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 
@@ -33,6 +33,7 @@ class Shot:
         regions: regions of objects, largest first.
         costs: costs of edge samples, of :func:`tanteo.vision.propose.edge_costs`.
         proposed: edges and poses by region and parts; empty before they are computed.
+        image: the edges as a factor, of no region.
     """
 
     camera: Camera
@@ -44,6 +45,10 @@ class Shot:
     regions: tuple[Region, ...]
     costs: np.ndarray
     proposed: dict[Hashable, tuple[ImageEdges, list[PoseCandidates]]] = field(default_factory=dict)
+    image: ImageEdges = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "image", ImageEdges(self.camera, self.edges, self.chance))
 
 
 def same_objects(shots: Sequence[Shot]) -> list[tuple[Region | None, ...]]:
@@ -114,7 +119,7 @@ def image_candidates(
     """
     images, proposed = [], dict[int, list[tuple[Transforms, FloatArray]]]()
     for shot, region in zip(shots, regions, strict=True):
-        image = ImageEdges(shot.camera, shot.edges, shot.chance, weights=weights or Weights())
+        image = replace(shot.image, weights=weights or Weights())
         if region is not None:
             key = id(region), astuple(image.weights), tuple(map(id, models)), tuple(own.tobytes() for own in ways)
             if key not in shot.proposed:
