@@ -26,8 +26,7 @@ TRUE = np.array([4e-3, -3e-3, np.radians(2.0)])  # x, y [m] and heading [rad] of
 # -------------
 #
 # Two touches reach the long side (y = 0 in the block's frame), one the short side (x = 0). Each measures the distance
-# of
-# a point from a line.
+# of a point from a line.
 
 SIDES = np.array([[0.02, 0.0], [0.08, 0.0], [0.0, 0.03]])
 NORMALS = np.array([[0.0, -1.0], [0.0, -1.0], [-1.0, 0.0]])

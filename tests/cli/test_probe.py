@@ -188,3 +188,13 @@ def test_a_dry_run_that_passes_exits_with_zero(run):
     assert got.code == 0, got.err
     assert "within the limits" in got.err
     assert "stuck" not in got.err
+
+
+def test_a_fake_with_large_noise_is_no_fault_of_the_machine(run):
+    """Readings of 0.1 mm differ from the place where the fake's tip rests by more than a controller does."""
+    for seed in ("0", "1"):
+        result = run(
+            "probe", "--machine", "fake:grbl", "--part", BLOCK, "--goal", "0.1mm", "--sd", "0.3mm",
+            "--tip-radius", "1mm", "--max-measurements", "3", "--seed", seed,
+        )  # fmt: skip
+        assert result.err.count("hit after") == 3

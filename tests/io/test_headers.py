@@ -96,6 +96,12 @@ def test_a_collection_is_a_group_of_readings(tmp_path):
     assert not readings.notes
 
 
+def test_the_tools_of_a_log_are_groups_of_readings(tmp_path):
+    readings = read_readings(save(tmp_path, ["x_mm", "y_mm", "z_mm", "Tool"], [[1, 2, 3, 1], [5, 6, 7, 2]]))
+    assert readings.groups == ("1", "2")
+    assert not readings.notes
+
+
 def test_directions_of_many_lengths_are_deviations(tmp_path):
     names = ["x_mm", "y_mm", "z_mm", "dX", "dY", "dZ"]
     rows = np.c_[np.arange(12).reshape(4, 3), np.diag([0.01, 0.2, 0.03, 0.1])[:, :3] + 0.001]

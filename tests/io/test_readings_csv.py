@@ -203,8 +203,9 @@ def test_paths_that_cannot_be_read(tmp_path, name, message):
 
 def test_pipes_are_refused(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(ReadingsError, match="got a pipe or device"):
-        read_readings(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", "-"):
+        with pytest.raises(ReadingsError, match="got a pipe or device"):
+            read_readings(path)
 
 
 def test_the_line_is_right_in_a_later_chunk(tmp_path, monkeypatch):

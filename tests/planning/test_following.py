@@ -11,6 +11,7 @@ import pytest
 import tanteo
 from log_of_touches import SD, made, six_touches, with_the_seventh
 from tanteo.planning.following import NextReading, next_reading
+from tanteo.render.text import next_lines
 from tanteo.sensors import concatenate
 from tanteo.words.findings import GoalReached
 
@@ -87,3 +88,14 @@ def test_a_goal_must_be_a_length(undecided):
     part, _, _, answer = undecided
     with pytest.raises(tanteo.InputError, match="goal"):
         next_reading(answer, [part], tanteo.probe_of(SD), goal=-1.0)
+
+
+def test_a_miss_is_recorded_as_the_next_reading_says(undecided):
+    """A log of contacts alone would lose the miss, and the same place would be named again."""
+    part, _, _, answer = undecided
+    found = next_reading(answer, [part], tanteo.probe_of(SD, contact=True))
+    first, *others = found.finding.expected
+    missed = replace(found.finding, expected=(replace(first, face=""), *others))
+    for finding, may_miss in ((missed, True), (replace(missed, expected=tuple(others)), False)):
+        text = "\n".join(next_lines(answer, replace(found, finding=finding)))
+        assert ("status none" in text) == may_miss

@@ -219,7 +219,8 @@ class Words:
         named = f"{best.part}: {answer.status}, {of_part}{best.probability:.1%}"
 
         def note(omitted: float) -> str:
-            return f"{named}, farthest corner within {1e3 * (error + omitted):.3g} mm (95 %)"
+            lost = ", with the omitted rotation" if omitted else ""
+            return f"{named}, farthest corner within {1e3 * (error + omitted):.3g} mm (95 %){lost}"
 
         corners = box_corners(part)
         return io.poses.write_work_frame(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,6 +29,9 @@ _TAKES_FRAMES = {"grbl": "grbl:G54", "linuxcnc": "G54"}
 """Controllers that can set a frame, each with an example of ``--wcs``."""
 _ABOVE = 0.02
 """Height of a fake's tip at the start over the safe height [m]."""
+
+_NOISE = 6.0
+"""Largest noise of a fake's report that its limits accept, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,7 +187,10 @@ def _moved(start: Start, session: Session, options: Options, machine: MachineOpt
     world, place = _fake(start, session, options, machine) if machine.machine.fake else (None, None)
     with opened(machine.machine, world, place) as driver:
         show = (lambda what: print_text(f"     {what}", sys.stderr)) if options.verbose or machine.dry_run else None
-        safe = SafeMachine(driver, machine.limits(), machine.confirmation(), machine.dry_run, show)
+        limits = machine.limits()
+        if world is not None:  # a fake draws the noise of its reports, not of the places where the tip rests
+            limits = replace(limits, arrival=limits.arrival + _NOISE * world.sd)
+        safe = SafeMachine(driver, limits, machine.confirmation(), machine.dry_run, show)
         try:
             with stop_on_signals(safe):
                 _check_probe(safe, machine)

@@ -140,6 +140,10 @@ def test_a_message_has_all_but_the_questions():
     assert more.findings[:2] == found
 
 
+def test_a_mirrored_file_is_named_where_a_mirror_image_fits():
+    assert "Is the part's file mirrored" in findings.MirrorQuestion("wedge", 0.999).message
+
+
 def test_documents_have_the_numbers_of_the_text():
     scatter = findings.Scatter(2.5, 1.8, 3.4, findings.WorstReading("7", 4.2))
     document = recognition_document(Answer("unknown", (findings.NoPart(), scatter), (), 1.0))

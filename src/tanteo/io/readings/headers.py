@@ -42,7 +42,7 @@ _NAMES = (
 )  # fmt: skip
 GROUPS_OF_READINGS = (
     "line", "scan_line", "line_no", "line_number", "profile", "scan", "pass", "collection",
-    "speed", "feed", "feedrate", "feed_rate",
+    "speed", "feed", "feedrate", "feed_rate", "tool", "tool_no", "tool_number", "stylus",
 )  # fmt: skip
 """Names of columns that group readings, in the order in which the first one is chosen."""
 _LONGEST = 100

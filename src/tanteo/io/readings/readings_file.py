@@ -121,7 +121,7 @@ def read_readings(
     if of_bag != RosOptions():
         raise ReadingsError(f"{path}: expected a recording of ROS with topics, world or latency, got none. Drop these.")
     try:
-        if path.exists() and not (path.is_file() or path.is_dir()):
+        if str(path) == "-" or (path.exists() and not (path.is_file() or path.is_dir())):
             # error messages read the file again to find the line, which a pipe does not allow
             raise ReadingsError(f"{path}: expected a file, got a pipe or device. Save the readings to a file first.")
         start = _beginning(path)

@@ -127,6 +127,10 @@ def next_lines(answer: Answer, found: NextReading | Finding | None, *, layout: L
         lines.append(printable(f"    {where}, if it is {e.part} with {percent(e.probability)}"))
     if len(step.expected) > _SHOWN:
         lines.append(f"    {len(step.expected) - _SHOWN} less probable hypotheses are not listed.")
+    if any(not e.face for e in step.expected[:_SHOWN]):
+        lines.append(
+            "  Without a contact, add a row with status none: start, direction and max_mm, the motion's length."
+        )
     if not step.clear:
         lines.append("  The part may be in the path, because its pose is very uncertain: approach slowly.")
     return lines

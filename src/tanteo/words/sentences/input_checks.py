@@ -111,7 +111,10 @@ def _(one: f.NormalsQuestion) -> Words:
     ), "Did you mean the opposite?"
 
 
-HANDED = "Are two of the columns x, y, z exchanged, or is one reversed? tanteo takes right-handed frames."
+HANDED = (
+    "Is the part's file mirrored, are two of the columns x, y, z exchanged, or is one reversed? tanteo takes "
+    "right-handed frames."
+)
 """What to check where a mirror image fits."""
 
 
