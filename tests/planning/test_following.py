@@ -90,7 +90,7 @@ def test_a_goal_must_be_a_length(undecided):
         next_reading(answer, [part], tanteo.probe_of(SD), goal=-1.0)
 
 
-def test_a_miss_is_recorded_as_the_next_reading_says(undecided):
+def test_a_possible_miss_names_how_to_record_it(undecided):
     """A log of contacts alone would lose the miss, and the same place would be named again."""
     part, _, _, answer = undecided
     found = next_reading(answer, [part], tanteo.probe_of(SD, contact=True))
