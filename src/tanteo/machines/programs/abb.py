@@ -6,8 +6,8 @@ The use of ``SearchL`` follows published programs. ``tests/machines/programs`` c
 from __future__ import annotations
 
 from tanteo.geometry.typing import Rotations, Vectors
-from tanteo.machines.programs.job import DEAD_PROBE, Job
-from tanteo.machines.programs.robot import COLUMNS, facts, miss_text, misses, pose_text, robot_header, ways
+from tanteo.machines.programs.job import Job
+from tanteo.machines.programs.robot import COLUMNS, facts, pose_text, robot_header, ways
 
 
 def abb(job: Job) -> str:
@@ -16,7 +16,7 @@ def abb(job: Job) -> str:
     Args:
         job: touches of the program.
     """
-    log = ["log: HOME:/tanteo_touches.csv, a readings file", "set tProbe and diProbe to those of the cell", misses(job)]
+    log = ["log: HOME:/tanteo_touches.csv, a readings file", "set tProbe and diProbe to those of the cell"]
     lines = ["MODULE TanteoProbe", *(f"  ! {text}" for text in robot_header(job, log)), *_RAPID_DATA.splitlines()]
     lines += ["  PROC TanteoProbe()", '    Open "HOME:"\\File:="tanteo_touches.csv",log\\Write;']
     lines += [f'    Write log,"{COLUMNS},"\\NoNewLine;', f'    Write log,"{_HAND}";', "    ConfL\\Off;"]
@@ -24,14 +24,9 @@ def abb(job: Job) -> str:
         lines.append(f"    ! touch {touch.number}: {touch.face}")
         lines += [f"    MoveL {_robtarget(place, tool)},v100,fine,tProbe\\WObj:=wobj0;" for place, tool in way]
         places = ",".join(_robtarget(place, touch.tool) for place in (touch.start, touch.stop))
-        lines.append(f'    Touch "{touch.number}",{miss_text(touch)},{places},"{facts(job, touch)}";')
+        lines.append(f'    Touch "{touch.number}",{places},"{facts(job, touch)}";')
         lines.append(f"    MoveL {_robtarget(touch.outer, touch.tool)},v100,fine,tProbe\\WObj:=wobj0;")
-    lines += [
-        "    Close log;",
-        "  ENDPROC",
-        "",
-        *_RAPID_TOUCH.format(feed=1e3 * job.feed, least=DEAD_PROBE).splitlines(),
-    ]
+    lines += ["    Close log;", "  ENDPROC", "", *_RAPID_TOUCH.format(feed=1e3 * job.feed).splitlines()]
     return "\n".join([*lines, "ENDMODULE", ""])
 
 
@@ -46,15 +41,13 @@ _HAND = "hand_x_mm,hand_y_mm,hand_z_mm,hand_q1,hand_q2,hand_q3,hand_q4"
 _RAPID_DATA = """  PERS tooldata tProbe := [TRUE,[[0,0,100],[1,0,0,0]],[1,[0,0,50],[1,0,0,0],0,0,0]];
   VAR iodev log;
   VAR robtarget found;
-  VAR num works := 1;
 """
 
-_RAPID_TOUCH = """  PROC Touch(string number,num miss,robtarget start,robtarget stop,string facts)
+_RAPID_TOUCH = """  PROC Touch(string number,robtarget start,robtarget stop,string facts)
     VAR speeddata slow := [{feed:.4g},10,10,10];
     VAR string row;
     MoveL start,v50,fine,tProbe\\WObj:=wobj0;
     SearchL\\Stop,diProbe,found,stop,slow,tProbe\\WObj:=wobj0;
-    works := 1;
     row := number + "," + NumToStr(found.trans.x,4) + "," + NumToStr(found.trans.y,4);
     Write log,row + "," + NumToStr(found.trans.z,4) + "," + facts + ","\\NoNewLine;
     row := NumToStr(found.trans.x,4) + "," + NumToStr(found.trans.y,4) + "," + NumToStr(found.trans.z,4);
@@ -63,16 +56,6 @@ _RAPID_TOUCH = """  PROC Touch(string number,num miss,robtarget start,robtarget 
     Write log,row + "," + NumToStr(found.rot.q4,6);
     MoveL start,v50,fine,tProbe\\WObj:=wobj0;
   ERROR
-    IF ERRNO=ERR_WHLSEARCH AND works*miss>={least} THEN
-      works := works*miss;
-      TPWrite "tanteo: no contact at touch " + number;
-      StorePath;
-      MoveL start,v50,fine,tProbe\\WObj:=wobj0;
-      RestoPath;
-      ClearPath;
-      StartMove;
-      RETURN;
-    ENDIF
     IF ERRNO=ERR_WHLSEARCH OR ERRNO=ERR_SIGSUPSEARCH THEN
       TPWrite "tanteo: no contact, or the probe was high before, at touch " + number;
       Stop;

@@ -2,9 +2,7 @@
 
 LinuxCNC (G-code reference, "G38.n Straight Probe" and "Probe Logging"): a search without contact is an error and ends
 the program, and so does a probe that trips in any other motion. ``PROBEOPEN`` logs the contacts. GRBL 1.1
-("Interface"): ``G38.2`` answers ``[PRB:x,y,z:1]`` in machine coordinates and raises ``ALARM:5`` without contact;
-``G38.3`` answers ``[PRB:x,y,z:0]`` and goes on. LinuxCNC has ``G38.3``, too, but logs its end as a contact
-(``emccanon.cc``).
+("Interface"): ``G38.2`` answers ``[PRB:x,y,z:1]`` in machine coordinates and raises ``ALARM:5`` without contact.
 """
 
 from __future__ import annotations
@@ -14,7 +12,7 @@ import textwrap
 from collections.abc import Iterator
 
 from tanteo.geometry.typing import Vectors
-from tanteo.machines.programs.job import SURE, Job, Touch
+from tanteo.machines.programs.job import Job, Touch
 
 LOG = "tanteo_touches.txt"
 """Name of the log file that LinuxCNC writes."""
@@ -45,16 +43,16 @@ def grbl(job: Job) -> str:
     head = [
         "log: the sender's console, one [PRB:x,y,z:1] a touch, in machine coordinates, millimetres:",
         "they are the plan's if G54 is zero (G10 L2 P1 X0 Y0 Z0 before)",
-        "G38.2 without contact ends in ALARM:5, G38.3 goes on; nothing stops a motion between touches",
+        "a search without contact ends in ALARM:5; nothing stops a motion between touches",
     ]
-    return _program(job, head, before=[], after=[], goes_on=True)
+    return _program(job, head, before=[], after=[])
 
 
-def _program(job: Job, head: list[str], *, before: list[str], after: list[str], goes_on: bool = False) -> str:
+def _program(job: Job, head: list[str], *, before: list[str], after: list[str]) -> str:
     lines = [f"({row})" for text in [*header(job), *head] for row in textwrap.wrap(_comment(text), _WIDTH)]
     lines += ["G21 G90 G94 G17 G40", "G54", *before, f"G0 Z{_mm(job.safe_height)}"]
     for touch in job.touches:
-        lines += _touch(job, touch, "G38.3" if goes_on and touch.miss > SURE else "G38.2")
+        lines += _touch(job, touch)
     return "\n".join([*lines, *after, "M2", ""])
 
 
@@ -75,12 +73,12 @@ def header(job: Job) -> list[str]:
     ]
 
 
-def _touch(job: Job, touch: Touch, word: str) -> Iterator[str]:
+def _touch(job: Job, touch: Touch) -> Iterator[str]:
     x, y, z = (_mm(v) for v in touch.start)
     yield f"(touch {touch.number}: {_comment(touch.face)[:20]}, contact {_xyz(touch.contact)})"
     yield f"G0 X{x} Y{y}"
     yield f"G0 Z{z}"
-    yield f"{word} {_xyz(touch.stop)} F{60e3 * job.feed:.4g}"
+    yield f"G38.2 {_xyz(touch.stop)} F{60e3 * job.feed:.4g}"
     yield f"G0 {_xyz(touch.start)}"
     yield f"G0 Z{_mm(job.safe_height)}"
 

@@ -38,11 +38,11 @@ PROGRAMS: Registry[ProgramLanguage] = Registry(
     ProgramLanguage,
     {
         "linuxcnc": ProgramLanguage(linuxcnc, points_down=True),
-        "grbl": ProgramLanguage(grbl, points_down=True, goes_on=True),
+        "grbl": ProgramLanguage(grbl, points_down=True),
         "ur": ProgramLanguage(ur, logs_hand=True, goes_on=True),
         "fanuc": ProgramLanguage(fanuc),
         "kuka": ProgramLanguage(kuka),
-        "abb": ProgramLanguage(abb, logs_hand=True, goes_on=True),
+        "abb": ProgramLanguage(abb, logs_hand=True),
     },
 )
 """Languages by the name of the controller."""
