@@ -71,7 +71,7 @@ def test_bare_readings_place_it_as_they_do_one_at_its_origin(bracket, away, tmp_
 @pytest.mark.parametrize("faces", [3, 5])
 def test_readings_with_labels_do(bracket, away, faces, tmp_path):
     far, T_far_near = moved_file(bracket, away, tmp_path)
-    rng = np.random.default_rng([faces, 8])
+    rng = np.random.default_rng([faces, 9])
     planes = bracket.planes
     points, normals, labels = [], [], []
     for plane in rng.choice(np.flatnonzero(planes.areas > 2e-4), faces, replace=False):

@@ -179,7 +179,7 @@ def _(one: f.AssumedTip) -> Words:
 
 @words_of.register
 def _(one: f.AssumedAngles) -> Words:
-    what = f"The mounting error of {listed([*one.devices])} is not stated"
+    what = f"The mounting error of {listed([*one.devices]) or 'the range sensors'} is not stated"
     angle = f"{math.degrees(one.sd):.1g} deg (1 sd)"
     return f"{what}: {angle} is assumed for each angle (mount_turn_sd_deg in the rig, or --fan-sd).", ""
 
