@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -36,6 +37,11 @@ class SharedError:
         d = np.shape(self.covariance)[0]
         C = check_covariance(f"shared error {self.name!r}", self.covariance, d)
         object.__setattr__(self, "covariance", C)
+
+    @property
+    def title(self) -> str:
+        """Return the meaning without units, or the name if there is no meaning."""
+        return re.sub(r" \[[^\]]*\]", "", self.meaning) or self.name
 
 
 @dataclass(frozen=True, slots=True, eq=False)

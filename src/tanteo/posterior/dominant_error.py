@@ -34,7 +34,7 @@ def dominant_shared_error(one: GoodnessOfFit, shared: Sequence[SharedError]) -> 
         known[start:stop, start:stop] += 1e12 * np.eye(stop - start)
         part_of = float(np.sqrt(max(total**2 - _corner_sd(mode, known) ** 2, 0.0)))
         if part_of > worst:
-            worst, name, source = part_of, error.meaning or error.name, error.name
+            worst, name, source = part_of, error.title, error.name
         start = stop
     if worst < own.limiting_share * total:
         return None

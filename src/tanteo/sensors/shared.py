@@ -169,7 +169,7 @@ def of_devices(
             out.append(_one(f"scale of {unit}", device.scale_sd, "along the beam, per range [1]", J))
         mount = rows & placed.by_rig
         if device.mount is not None and device.mount.cov_mount.any() and mount.any():
-            meaning = "mounting of the sensor on the hand, body error [m, rad]"
+            meaning = "mounting of the sensor on the hand [m, rad]"
             error = SharedError(f"mounting of {unit}", device.mount.cov_mount, meaning)
             out.append(SharedEffect(error, *_mounted(placed, mount)))
     return out
@@ -194,7 +194,7 @@ def _mount_and_scale(placed: Placed, device: Device, rows: BoolArray, free: Bool
     hit = rows & ~free
     nearer = np.zeros((len(rows), 3, 1))
     nearer[hit, :, 0] = -placed.ranges[hit][:, None] * placed.directions[hit]
-    meaning = "mounting of the sensor on the hand, body error [m, rad], and scale error [1]"
+    meaning = "mounting of the sensor on the hand [m, rad] and its scale [1]"
     error = SharedError(f"mounting and scale of {device.unit}", device.cov_unit, meaning)
     return [SharedEffect(error, np.concatenate([mounted, nearer], axis=2), np.pad(turns, [(0, 0), (0, 0), (0, 1)]))]
 

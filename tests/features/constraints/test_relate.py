@@ -245,3 +245,8 @@ def test_a_relation_has_ordered_shapes_and_new_names():
     with pytest.raises(InputError, match="'point_plane_height', which is taken"):
         cs.constraints.register_relation(relation)
     assert cs.constraints.PAIR_RELATIONS["plane", "point"] == [relation]
+
+
+@pytest.mark.parametrize(("meaning", "title"), [("mounting [m, rad] and scale [1]", "mounting and scale"), ("", "tip")])
+def test_an_error_is_named_in_answers_without_units(meaning, title):
+    assert SharedError("tip", np.eye(7), meaning).title == title

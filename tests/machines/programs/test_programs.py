@@ -242,9 +242,10 @@ def test_a_robot_goes_on_after_a_touch_without_contact(unsure):
     """Each touch states how often it misses; misses in a row that are improbable together end the program."""
     urscript = write_program("ur", unsure)
     chances = [float(word) for word in re.findall(r'touch\("\d+", ([\d.]+), p', urscript)]
-    assert chances[:2] == [0.1, 0.5] and len(chances) == len(unsure.touches)
+    assert chances[:2] == [0.1, 0.5]
+    assert len(chances) == len(unsure.touches)
     miss = urscript[urscript.index("if not met():\n      works") :].split("\n    end\n")[0]
-    assert "works = works * miss" in miss and "if works < 0.02:" in miss and "movel(start" in miss
+    assert all(line in miss for line in ("works = works * miss", "if works < 0.02:", "movel(start"))
 
 
 def test_a_controller_that_counts_no_misses_stops_at_the_first(jobs, unsure):
