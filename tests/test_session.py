@@ -446,7 +446,7 @@ def test_places_that_the_tip_hides_are_not_planned_repeatedly(targets):
     end, ways = touched(session, targets[0], T, TIP, turned=False)
     assert not end.reached
     assert "No reading is worth its cost" in end.message
-    assert "offset of the tip in the hand's frame [m], which all readings share" in end.message
+    assert "offset of the tip in the hand's frame, which all readings share" in end.message
     assert "Calibrate it" in end.message
     assert "turn the hand more between readings" in end.message
     assert max(ways.count(way) for way in ways) <= 3
