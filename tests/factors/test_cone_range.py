@@ -97,9 +97,50 @@ def log_of(block, response, sensor, r):
     return _core.log_densities(block.shape, core, np.eye(4)[None], np.zeros((1, problem.states)))[0]
 
 
+def even_and_signal(part, sensor, angle):
+    """Return the means of 200,000 rays, even and by the returned signal, with their spreads."""
+    rays = cone_rays(angle, 200000) @ sensor[:3, :3].T
+    hits = part.surface.cast(sensor[:3, 3], rays)
+    hit = np.isfinite(hits.distances)
+    d, normals = hits.distances[hit], part.surface.normals[hits.triangles[hit]]
+    signal = -np.sum(normals * rays[hit], axis=1) / d**2
+    weights = [np.ones(len(d)), np.maximum(signal, 0)]
+    means = np.array([np.average(d, weights=w) for w in weights])
+    return means, np.sqrt([np.average((d - m) ** 2, weights=w) for m, w in zip(means, weights, strict=True)])
+
+
+# the error of 63 rays was 0.02 to 0.05 of the spread; the flange has more facets than scan lines
+@pytest.mark.parametrize(("name", "most"), [("block", 0.004), ("bracket_left", 0.006), ("flange", 0.03)])
+@pytest.mark.parametrize("angle", [0.05, 0.2])
+def test_the_mean_is_that_of_many_rays(models, name, most, angle):
+    part, sd = models[name], 2e-5
+    sensor_of = replace(rig_of("mean").sensors[0], sd=sd, beam_half_angle=angle)
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        outward = rng.normal(size=3)
+        outward /= np.linalg.norm(outward)
+        # from near, some faces reach past the device
+        away, size = (0.6, 1.2)[seed % 2], part.part.diagonal
+        aim = SO3.exp(0.1 * rng.normal(size=3)) @ -outward
+        place = part.part.centroid + 0.1 * size * rng.normal(size=3) + away * size * outward
+        sensor = SE3.from_parts(SO3.frame_from_axis(aim, 2), place)
+        means, spreads = even_and_signal(part, sensor, angle)
+        tried = np.concatenate([m + np.linspace(-0.1, 0.1, 161) * spreads[0] for m in means])
+        sds = np.hypot(sd, 0.03 * spreads)  # weights of places are unknown
+        expected = np.logaddexp(*(-0.5 * ((tried - m) / s) ** 2 - np.log(s) for m, s in zip(means, sds, strict=True)))
+        logs = []
+        for r in tried:
+            readings = Readings.from_columns(ranges=[r], sensors=["s"], Ts_world_hand=sensor[None])
+            points = as_contact_points(measure(readings, rig=Rig((sensor_of,))))
+            problem = Problem(points, no_paths(), replace(Priors(), radius=0.5))
+            zs = np.zeros((1, problem.states))
+            logs.append(_core.log_densities(part.shape, problem.compiled(part), np.eye(4)[None], zs)[0])
+        assert abs(tried[np.argmax(logs)] - tried[np.argmax(expected)]) < most * spreads[0]
+
+
 @pytest.mark.parametrize("response", ["mean", "strongest"])
-def test_outlines_that_pass_rays_cause_no_jump(block, response):
-    """Without the places of outlines between rays the mean of the largest jumps is 0.8 to 0.95 nats, with them 0.34."""
+def test_moving_outlines_cause_no_jump(block, response):
+    """The mean of the largest jumps is 0.8 to 0.95 nats with 63 rays, and 0.01 to 0.02 with scan lines."""
     jumps = []
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -109,7 +150,7 @@ def test_outlines_that_pass_rays_cause_no_jump(block, response):
         steps = np.linspace(-1, 1, 401)[:, None] * rng.normal(size=6) * np.repeat([1e-3, 2e-2], 3)
         logs = _core.log_densities(block.shape, core, SE3.exp(steps), np.zeros((401, problem.states)))
         jumps.append(np.abs(np.diff(logs, 2)).max())
-    assert np.mean(jumps) < 0.5
+    assert np.mean(jumps) < 0.05
 
 
 @pytest.mark.parametrize("covered", [(0.003, 0.02), (0.1, 0.6)])
@@ -139,7 +180,7 @@ def test_a_random_ray_is_one_that_had_an_echo(block):
     assert np.sum(np.array(density) - nothing) == pytest.approx(np.sum(np.array(whole) - nothing), rel=0.15)
 
 
-@pytest.mark.parametrize("response", ["", "ray", "nearest", "strongest"])
+@pytest.mark.parametrize("response", ["", "ray", "nearest", "mean", "strongest"])
 def test_gradients_are_differences(block, response):
     rng = np.random.default_rng(5)
     sensors = [looking(rng, block.part) for _ in range(6)]
@@ -155,8 +196,8 @@ def test_gradients_are_differences(block, response):
         back = centre @ SE3.exp(-h * np.eye(6)[k]) @ SE3.inverse(centre)
         up, down = (_core.log_densities(block.shape, core, T @ S, z)[0] for S in (step, back))
         numeric.append((up - down) / (2 * h))
-    # merged echoes and the spread of the rays of a face are held fixed in a step
-    slack = {"nearest": 1e-3}.get(response, 0.3)
+    # merged echoes, the spread of a mean and the probabilities of faces are held fixed in a step
+    slack = {"nearest": 1e-3, "mean": 0.03}.get(response, 0.3)
     scale = np.array([1, 1, 1, 0.05, 0.05, 0.05])
     assert np.abs((gradient - numeric) * scale).max() <= slack * max(np.abs(numeric * scale).max(), 50.0)
 

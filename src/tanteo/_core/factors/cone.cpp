@@ -6,7 +6,6 @@
 #include <map>
 #include <memory>
 #include <mutex>
-#include <numeric>
 
 #include "normal.hpp"
 
@@ -149,43 +148,6 @@ ConeEcho nearest_in(const Shape& shape, const std::vector<int>& triangles, const
     return best;
 }
 
-namespace {
-
-using Polygon = std::vector<std::pair<double, double>>;
-
-// The part of a convex polygon where a x + b y <= c.
-Polygon below(const Polygon& all, double a, double b, double c) {
-    Polygon out;
-    for (size_t k = 0; k < all.size(); ++k) {
-        const auto& [x, y] = all[k];
-        const auto& [X, Y] = all[(k + 1) % all.size()];
-        const double here = a * x + b * y - c, there = a * X + b * Y - c;
-        if (here <= 0) out.push_back(all[k]);
-        if ((here < 0) != (there < 0) && here != there) {
-            const double t = here / (here - there);
-            out.emplace_back(x + t * (X - x), y + t * (Y - y));
-        }
-    }
-    return out;
-}
-
-}  // namespace
-
-// Depths of two facets of one face that differ by less are one smooth surface, as fraction.
-static constexpr double SMOOTH = 1e-3;
-// Faces between two neighbouring rays that are followed at most.
-static constexpr int MOST_FACES = 4;
-
-// Where a path from inside of the unit disc or square leaves it.
-static double leaves_at(double x, double y, double dx, double dy, bool round) {
-    if (round) {
-        const double A = dx * dx + dy * dy, B = x * dx + y * dy, C = x * x + y * y - 1;
-        return (-B + std::sqrt(std::max(B * B - A * C, 0.0))) / A;
-    }
-    const double of_x = dx > 0 ? (1 - x) / dx : dx < 0 ? (-1 - x) / dx : 1, of_y = dy > 0 ? (1 - y) / dy : dy < 0 ? (-1 - y) / dy : 1;
-    return std::min(of_x, of_y);
-}
-
 // A disc is filled by a sunflower (Vogel 1979), a square by a lattice of the golden ratio.
 RayPattern::RayPattern(int count, bool round) : count(count), round(round) {
     constexpr double GOLDEN_TURN = 2.39996322972865332, GOLDEN = 0.61803398874989485;
@@ -201,45 +163,6 @@ RayPattern::RayPattern(int count, bool round) : count(count), round(round) {
         while (k < count && x[k] < 2.0 * bin / BINS - 1) ++k;
         bins[bin] = k;
     }
-    Polygon domain;
-    const int corners = round ? 48 : 4;
-    for (int k = 0; k < corners; ++k) {
-        const double turn = (k + 0.5) * 2 * PI / corners, reach = round ? 1.0 : std::sqrt(2.0);
-        domain.emplace_back(reach * std::cos(turn), reach * std::sin(turn));
-    }
-    for (int i = 0; i < count; ++i) {
-        Polygon cell = domain;
-        const auto bisector = [&](int j) {
-            const double a = places[j].first - places[i].first, b = places[j].second - places[i].second;
-            return std::array<double, 3>{a, b, a * 0.5 * (places[i].first + places[j].first) +
-                                                   b * 0.5 * (places[i].second + places[j].second)};
-        };
-        for (int j = 0; j < count; ++j) {
-            const double far = std::max(std::fabs(places[j].first - places[i].first), std::fabs(places[j].second - places[i].second));
-            if (j == i || far * far * count > 40) continue;  // beyond five spacings
-            const auto [a, b, c] = bisector(j);
-            cell = below(cell, a, b, c);
-        }
-        share[i] = 0;
-        for (size_t k = 0; k < cell.size(); ++k) {
-            const auto& [x0, y0] = cell[k];
-            const auto& [x1, y1] = cell[(k + 1) % cell.size()];
-            share[i] += 0.5 * (x0 * y1 - x1 * y0);
-        }
-        for (int j = i + 1; j < count; ++j) {
-            const auto [a, b, c] = bisector(j);
-            for (size_t k = 0; k < cell.size(); ++k) {
-                const auto& [x0, y0] = cell[k];
-                const auto& [x1, y1] = cell[(k + 1) % cell.size()];
-                const double slack = 1e-9 * std::hypot(a, b);
-                if (std::fabs(a * x0 + b * y0 - c) > slack || std::fabs(a * x1 + b * y1 - c) > slack) continue;
-                const double size = std::hypot(x1 - x0, y1 - y0) / std::hypot(a, b);
-                if (size > 0) sides.push_back({i, j, size * a, size * b, {0.5 * (x0 + x1), 0.5 * (y0 + y1)}});
-            }
-        }
-    }
-    const double per = count / std::accumulate(share, share + count, 0.0);
-    for (int i = 0; i < count; ++i) share[i] *= per;
 }
 
 const RayPattern& RayPattern::of(int count, bool round) {
@@ -259,7 +182,7 @@ int RayPattern::first_from(double bound) const {
 int RayPattern::end_at(double bound) const { return first_from(bound + 2.0 / BINS); }
 
 Seen::Seen(const Shape& shape, const std::vector<int>& triangles, const Vec3& origin, const Section& section)
-    : shape(shape), section(section) {
+    : section(section) {
     all.reserve(triangles.size());
     const auto [across, up] = section.duals();
     for (const int t : triangles) {
@@ -298,9 +221,6 @@ Seen::Seen(const Shape& shape, const std::vector<int>& triangles, const Vec3& or
         }
         one.number = t;
         one.seen.number = static_cast<int>(all.size());
-        if (!all.empty() && (shape.faces[t] != shape.faces[all[0].number] || dot(one.normal, all[0].normal) < 1 - 1e-12 ||
-                             std::fabs(one.height - all[0].height) > 1e-9 * all[0].height))
-            one_plane = false;
         all.push_back(one);
     }
 }
@@ -325,146 +245,12 @@ void Seen::cast(const RayPattern& pattern, bool whole, std::vector<RayHit>& hits
               pattern.end_at((one.most - middle) / half), one.seen);
     for (int k = 0; k < pattern.count; ++k) {
         if (who[k] < 0 || !is_inside(x[k], y[k])) continue;
-        RayHit hit = hit_at(who[k], x[k], y[k]);
-        hit.ray = k;
-        hit.share = pattern.share[k];
+        const Triangle& one = all[who[k]];
+        const Vec3 along = section.axis + static_cast<double>(x[k]) * section.u + static_cast<double>(y[k]) * section.v;
+        const double length = norm(along), depth = one.depth.z + one.depth.x * x[k] + one.depth.y * y[k];
+        const RayHit hit{length / depth, depth * one.height / length, along, one.normal, one.number, 1.0 / pattern.count};
         if (hit.cosine > 1e-3) hits.push_back(hit);
     }
-}
-
-RayHit Seen::hit_at(int row, double x, double y) const {
-    const Triangle& one = all[row];
-    const Vec3 along = section.axis + x * section.u + y * section.v;
-    const double length = norm(along), depth = depth_at(row, x, y);
-    return {length / depth, depth * one.height / length, x, y, along, one.normal, one.number, row, -1};
-}
-
-// Follows a face from triangle to triangle until it ends, turns away from the origin or comes to another triangle, or the
-// path ends.
-Seen::End Seen::end_along(const Path& path, int row, const Walk& walk, int other) const {
-    constexpr int MOST_STEPS = 32;
-    End end{row, -1, 1, 0, 0};
-    for (int k = 0; k < MOST_STEPS; ++k) {
-        const Triangle& own = all[end.row];
-        int through = -1;
-        double above = 1, below = 1;  // the place is their ratio
-        for (int i = 0; i < 3; ++i) {
-            const float* side = own.seen.sides[i];
-            const double a = side[0], b = side[1], rate = a * path.dx + b * path.dy;
-            if (!(rate > 0)) continue;
-            const double inside = -(side[2] + a * path.x + b * path.y);
-            if (inside * below < above * rate) through = i, above = inside, below = rate;
-        }
-        end.at = above / below;
-        end.x = end.y = 0;
-        if (through < 0) break;
-        end.x = own.seen.sides[through][0], end.y = own.seen.sides[through][1];
-        const int beyond = walk.beyond[3 * own.number + through], next = beyond < 0 ? -1 : walk.rows[beyond];
-        end.next = next < 0 ? -1 : beyond;
-        if (next < 0 || next == other || shape.faces[beyond] != shape.faces[own.number]) break;
-        end.row = next;
-    }
-    return end;
-}
-
-// An outline crosses the strip of the common side of two cells. The area between both is N.n (p - m).n, where N is the normal
-// of the side times its length, m its middle, p a place of the outline, and n its unit normal. These areas of all neighbours
-// of a ray add up to its cell as the outline passes the ray.
-void Seen::add_outlines(const RayPattern& pattern, bool whole, bool with_slope, std::vector<RayHit>& hits,
-                        std::vector<Outline>& outlines) const {
-    outlines.clear();
-    if (one_plane && static_cast<int>(hits.size()) == pattern.count) return;
-    thread_local std::vector<int> rows;  // of each triangle of the shape among all; -1 except during this call
-    rows.resize(std::max(rows.size(), shape.faces.size()), -1);
-    for (size_t k = 0; k < all.size(); ++k) rows[all[k].number] = static_cast<int>(k);
-    const Walk walk{rows.data(), shape.neighbours().data()};
-    int hit_of[RayPattern::MOST];
-    std::fill_n(hit_of, pattern.count, -1);
-    for (size_t k = 0; k < hits.size(); ++k) hit_of[hits[k].ray] = static_cast<int>(k);
-    const auto [middle, half] = filled(0, whole);
-    const auto [centre, height] = filled(1, whole);
-    const auto [across, up] = section.duals();
-    const double per_area = pattern.count / (pattern.area() * half * height);
-    for (const RayPattern::Side& side : pattern.sides) {
-        int i = hit_of[side.i], j = hit_of[side.j];
-        if (i < 0 && j < 0) continue;
-        int from = side.i, to = side.j;
-        if (i < 0) std::swap(i, j), std::swap(from, to);
-        const int a = hits[i].row, b = j < 0 ? -1 : hits[j].row;
-        if (j >= 0) {
-            if (a == b) continue;
-            const Triangle &one = all[a], &two = all[b];
-            if (dot(one.normal, two.normal) > 1 - 1e-12 && std::fabs(one.height - two.height) < 1e-9 * one.height) continue;
-        }
-        const Path path{middle + half * pattern.x[from], centre + height * pattern.y[from],
-                        half * (static_cast<double>(pattern.x[to]) - pattern.x[from]),
-                        height * (static_cast<double>(pattern.y[to]) - pattern.y[from])};
-        const Path back{path.x + path.dx, path.y + path.dy, -path.dx, -path.dy};
-        if (j >= 0 && shape.faces[all[a].number] == shape.faces[all[b].number]) {  // facets of a curved surface
-            const double x = path.x + 0.5 * path.dx, y = path.y + 0.5 * path.dy, here = depth_at(a, x, y);
-            if (std::fabs(here - depth_at(b, x, y)) < SMOOTH * here) continue;
-        }
-        const double turn = from == side.i ? per_area : -per_area;
-        // adds the outline at a place of the path between two triangles, whose normal is (ex, ey)
-        const auto add = [&](int own, int hidden, double at, double ex, double ey, bool moves) {
-            double size = std::sqrt(ex * ex + ey * ey);
-            if (path.dx * ex + path.dy * ey < 0) size = -size;
-            const double nx = ex / size, ny = ey / size;
-            const double strip = turn * (side.x * height * nx + side.y * half * ny);
-            const double x = path.x + at * path.dx, y = path.y + at * path.dy;
-            const double area = strip * ((x - middle - half * side.middle[0]) * nx + (y - centre - height * side.middle[1]) * ny);
-            Outline outline;
-            double nearest = 0;
-            for (int k = 0; k < 2; ++k) {
-                const int row = k ? hidden : own;
-                if (row < 0) continue;
-                RayHit hit = hit_at(row, x, y);
-                if (!(hit.cosine > 1e-3) || !(hit.range > 0)) continue;
-                hit.share = k ? -area : area;
-                nearest = nearest > 0 ? std::min(nearest, hit.range) : hit.range;
-                outline.sides[k] = static_cast<int>(hits.size());
-                hits.push_back(hit);
-            }
-            if (!with_slope || !moves || !(nearest > 0)) return;
-            // the outline moves with the nearer surface
-            const double inward = nx * x + ny * y;
-            const Vec3 normal = nx * across + ny * up, off = x * section.u + y * section.v;
-            const double length = norm(section.axis + off);
-            outline.by_origin = (-strip * length / nearest) * (normal - inward * section.axis);
-            outline.by_axis = -strip * (normal + inward * off);
-            outlines.push_back(outline);
-        };
-        const int last = j < 0 ? -1 : shape.faces[all[b].number];
-        const bool leaves = j < 0 && !is_inside(back.x, back.y);  // the beam may end before the surface
-        const double beam = leaves ? leaves_at(path.x, path.y, path.dx, path.dy, section.round) : 1;
-        // follows the surfaces to the one of the other ray, or to the end of all
-        End end{a, -1, 1, 0, 0};
-        for (int k = 0; k < MOST_FACES; ++k) {
-            end = end_along(path, end.row, walk, b);
-            if (end.at >= beam || end.next < 0) break;
-            const bool arrived = shape.faces[end.next] == last;
-            const int next = arrived ? b : walk.rows[end.next];
-            add(end.row, next, end.at, end.x, end.y, true);
-            end = {next, end.next, end.at, 0, 0};
-            if (arrived) break;
-        }
-        if (end.row == b) continue;
-        const bool ends = end.at < beam && (end.x != 0 || end.y != 0);
-        if (leaves && !ends) {
-            const double x = path.x + beam * path.dx, y = path.y + beam * path.dy;
-            const bool sideways = std::fabs(x) > std::fabs(y);
-            add(end.row, -1, beam, section.round || sideways ? x : 0, section.round || !sideways ? y : 0, false);
-        } else if (j < 0) {
-            if (ends) add(end.row, -1, end.at, end.x, end.y, true);
-        } else {  // one surface hides the other
-            const End other = end_along(back, b, walk, a);
-            const double x = path.x + end.at * path.dx, y = path.y + end.at * path.dy;
-            const bool second = other.x != 0 || other.y != 0;
-            if (ends && !(second && depth_at(end.row, x, y) < depth_at(b, x, y))) add(end.row, b, end.at, end.x, end.y, true);
-            else if (second) add(end.row, other.row, std::clamp(1 - other.at, 0.0, 1.0), other.x, other.y, true);
-        }
-    }
-    for (const Triangle& one : all) rows[one.number] = -1;
 }
 
 }  // namespace tanteo

@@ -34,6 +34,8 @@ std::vector<int> triangles_in(const Shape& shape, const Cone& cone, double reach
 struct Section {
     Vec3 axis, u, v;
     bool round;
+    // The area in x and y.
+    double area() const { return round ? 3.14159265358979324 : 4; }
     // Vectors across the axis whose products with u and v are 1 and 0, 0 and 1.
     std::pair<Vec3, Vec3> duals() const {
         const double per = 1 / dot(cross(u, v), axis);
@@ -41,51 +43,34 @@ struct Section {
     }
 };
 
-// Places that fill a disc or a square evenly, sorted by x, with the sides of their Voronoi cells.
+// A place that is seen from the origin of a beam.
+struct RayHit {
+    double range, cosine;  // cosine: of the incidence
+    Vec3 along, normal;    // along: not of unit length
+    int triangle;
+    double share;          // fraction of the section that it represents
+    double length() const { return norm(along); }
+    double height() const { return range * cosine; }  // of the origin over the plane of the triangle
+};
+
+// Places that fill a disc or a square evenly, sorted by x.
 struct RayPattern {
-    static constexpr int MOST = 255;
+    static constexpr int MOST = 63;
     // The pattern of a number of rays; one for each number and shape.
     static const RayPattern& of(int count, bool round);
     // The first ray with x at or beyond a bound; up to some earlier.
     int first_from(double bound) const;
     // A number of rays beyond which x is greater than a bound.
     int end_at(double bound) const;
-    // The area of the disc or square.
-    double area() const { return round ? 3.14159265358979324 : 4; }
 
-    struct Side {
-        int i, j;
-        double x, y;  // its length times the unit normal from cell i to cell j
-        double middle[2];
-    };
     int count;
     bool round;
     float x[MOST], y[MOST];
-    double share[MOST];  // area of each cell over the mean area
-    std::vector<Side> sides;
 
   private:
     static constexpr int BINS = 32;
     RayPattern(int count, bool round);
     int bins[BINS + 1];
-};
-
-// A ray of a beam that a surface answers, along axis + x u + y v.
-struct RayHit {
-    double range, cosine, x, y;
-    Vec3 along, normal;  // along: not of unit length
-    int triangle, row;   // row: of the triangle among those seen
-    int ray;             // -1 for a place on an outline
-    double share = 1;    // area that it represents, in rays
-    double length() const { return norm(along); }
-    double height() const { return range * cosine; }  // of the origin over the plane of the triangle
-};
-
-// Where the outline of a surface crosses the line between two rays: rows of the hits there, on the surface of each side, -1
-// for none; and the area that it sweeps as the origin or the axis of the beam moves, in rays.
-struct Outline {
-    int sides[2] = {-1, -1};
-    Vec3 by_origin, by_axis;
 };
 
 // Triangles seen from one origin, for many rays: over the plane across the axis at distance one, the sides of a triangle
@@ -96,10 +81,6 @@ class Seen {
     // The first hits of the rays of a pattern, which turn with the beam: over the whole section, or over the part of it
     // that the triangles may cover.
     void cast(const RayPattern& pattern, bool whole, std::vector<RayHit>& hits) const;
-    // Adds hits on the outlines between neighbouring rays, with the area by which the surface of each side is larger or
-    // smaller than the cells of its rays; outlines are found with slopes only.
-    void add_outlines(const RayPattern& pattern, bool whole, bool with_slope, std::vector<RayHit>& hits,
-                      std::vector<Outline>& outlines) const;
     // The fraction of the section that the rays of a pattern fill, if they are not to fill the whole, at most 1.
     double covered() const { return std::min(1.0, (section.round ? 2 : 1) * window(0).second * window(1).second); }
     // Middle and half width of the rectangle about the triangles along u and v.
@@ -108,8 +89,6 @@ class Seen {
     std::pair<double, double> filled(int i, bool whole) const {
         return whole ? std::pair{0.0, 1.0} : std::pair{window(i).first, window(i).second * (section.round ? 1.4142135623730951 : 1)};
     }
-    // Whether all triangles are in one plane, so that the range is smooth over the beam wherever it hits.
-    bool is_one_plane() const { return one_plane; }
 
   private:
     struct Triangle {
@@ -120,33 +99,13 @@ class Seen {
         int number;
     };
 
-    // A straight path through the section from one ray to another, from 0 to 1.
-    struct Path {
-        double x, y, dx, dy;
-    };
-    // The end of a surface along a path.
-    struct End {
-        int row;         // its last triangle there
-        int next;        // of the shape, beyond the end; -1 if none faces the origin
-        double at;
-        double x, y;     // normal of the side through which the path leaves the triangle; zero if it does not
-    };
-    // What is known of triangles of the shape: their row among all, -1 for none, and their neighbours.
-    struct Walk {
-        const int *rows, *beyond;
-    };
-    End end_along(const Path& path, int row, const Walk& walk, int other) const;
-    double depth_at(int row, double x, double y) const { return all[row].depth.z + all[row].depth.x * x + all[row].depth.y * y; }
     bool is_inside(double x, double y) const {
         return (section.round ? x * x + y * y : std::max(std::fabs(x), std::fabs(y))) <= 1;
     }
-    RayHit hit_at(int row, double x, double y) const;
 
-    const Shape& shape;
     const Section& section;
     std::vector<Triangle> all;
     double lo[2] = {1, 1}, hi[2] = {-1, -1};  // rectangle about the triangles, in x and y of the section
-    bool one_plane = true;
 };
 
 // The nearest point of the outer side of the triangles inside the cone; a range of 1e300 if there is none.

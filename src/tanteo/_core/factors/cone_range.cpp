@@ -5,8 +5,8 @@
 #include <iterator>
 #include <stdexcept>
 
-#include "factors/cone.hpp"
 #include "factors/on_surface.hpp"
+#include "factors/visible.hpp"
 #include "normal.hpp"
 
 namespace tanteo {
@@ -14,18 +14,14 @@ namespace tanteo {
 namespace {
 
 // What chose these numbers: seed 71 of benchmarks/wide_cones.py, a few scenes of it; WEIGHT_SD is smaller than the
-// difference of even and signal weights (0.2 to 0.3 of the spread), which are two models. RAYS_ERROR and FACE_ERROR are
-// root mean squares against 40,000 rays, over 120 cones and eight parts: 1.6 to 1.8, 0.7 to 0.9 with 63 and 255 rays.
-// Numbers of rays that are tried, the place of the last that is tried for a random ray, and limits of the number of hits.
-constexpr int COUNTS[] = {31, 63, 127, RayPattern::MOST};
-constexpr size_t LAST_OF_RAY = 1;
+// difference of even and signal weights (0.2 to 0.3 of the spread), which are two models.
+constexpr int FEW_RAYS = 31, MANY_RAYS = RayPattern::MOST;  // numbers of rays that are tried for a random ray
 constexpr int OVER_FURNITURE = 63;  // rays that fill the cone over furniture alone
-constexpr double FEWEST = 8, MOST_WANTED = 30;
-constexpr double RASTER = 0.2;      // error of the mean of the rays, in standard deviations of the noise, that needs no more rays
+// The number of hits that a random ray needs is that at which the error of their mean is RASTER standard deviations of the
+// noise. The error is RAYS_ERROR times the spread over their number (rms over 120 cones and eight parts: 1.6 to 1.8).
+constexpr double FEWEST = 8, MOST_WANTED = 30, RASTER = 0.2, RAYS_ERROR = 1.7;
 constexpr double EDGE_SD = 0.05;    // relative standard deviation of the half angle: sensitivity fades at the edge
 constexpr double WEIGHT_SD = 0.03;  // of the mean over rays, over their spread: the reflectance of each place is unknown
-constexpr double RAYS_ERROR = 1.7;  // error of the mean of n rays, over their spread and one over n
-constexpr double FACE_ERROR = 0.85; // the same for the rays of one face
 constexpr int STRONGER = 4;         // power of the signal to which a surface is the strongest
 constexpr double SAME = 0.3;        // difference in standard deviations up to which echoes of one face are one component
 
@@ -132,7 +128,8 @@ class ConeRange final : public OnSurface {
     void keep(const Placement& at, const ConeEcho& echo, double share, double more, int model) const;
     void add(const Component& predicted, double noise, double negligible, size_t first, Components& out) const;
     void predict_nearest(const Placement& at, const Cone& cone, const std::vector<int>& triangles) const;
-    void predict_rays(const Placement& at, const Cone& cone, const std::vector<int>& triangles, double variance) const;
+    void predict_rays(const Placement& at, const Section& section, const std::vector<int>& triangles, const Vec3& origin, double variance) const;
+    void predict_means(const Placement& at, const Section& section, const std::vector<int>& triangles, const Vec3& origin) const;
     double reach(double sd) const { return range + REACH * sd; }
     static Vec3 by_axis(const RayHit& hit, const Vec3& axis);
     Background background(const Placement& at, const Vec3& axis, double rays) const;
@@ -215,7 +212,14 @@ void ConeRange::predict(const Placement& at, double variance) const {
     const std::vector<int> triangles = triangles_in(at.shape, about, all ? 1e150 : reach(std::sqrt(variance)));
     if (triangles.empty()) return;
     if (of_nearest > 0) predict_nearest(at, about, triangles);
-    if (of_nearest < 1) predict_rays(at, cone, triangles, variance);
+    if (!(of_nearest < 1)) return;
+    const auto across = [&](const Vec3& half) {  // in the world the rays turn with the sensor
+        const Vec3 own = transposed_times(at.R, half);
+        return own - dot(own, cone.axis) * cone.axis;
+    };
+    const Section section{cone.axis, across(half_u), across(half_v), round};
+    if (of_rays > 0) predict_rays(at, section, triangles, cone.origin, variance);
+    if (all) predict_means(at, section, triangles, cone.origin);
 }
 
 // The half angle is uncertain: three nodes of Gauss and Hermite, which the nearest echo shares if it is inside all of them.
@@ -235,68 +239,55 @@ void ConeRange::predict_nearest(const Placement& at, const Cone& about, const st
     }
 }
 
-void ConeRange::predict_rays(const Placement& at, const Cone& cone, const std::vector<int>& triangles,
-                             double variance) const {
-    const auto across = [&](const Vec3& half) {  // in the world the rays turn with the sensor
-        const Vec3 own = transposed_times(at.R, half);
-        return own - dot(own, cone.axis) * cone.axis;
-    };
-    const Section section{cone.axis, across(half_u), across(half_v), round};
-    const double slope = std::tan(half_angle);
-    const Seen seen(at.shape, triangles, cone.origin, section);
+// Rays that fill the section, or where the part covers less than half of it, the part. The place of a random ray is known to
+// one cell of the raster, so that few rays suffice.
+void ConeRange::predict_rays(const Placement& at, const Section& section, const std::vector<int>& triangles,
+                             const Vec3& origin, double variance) const {
+    const Seen seen(at.shape, triangles, origin, section);
     thread_local std::vector<RayHit> hits;
-    thread_local std::vector<Outline> outlines;
-    Background other;
+    const bool whole = seen.covered() > 0.5;
     double rays = 1;  // that would fill the section
-    // More rays are cast if the error of their mean is not small beside the noise, furniture that shows beside the part
-    // included. Where the part covers less than half of the section, they are placed about the part only. The place of a
-    // random ray is known to one cell of the raster, so that few rays suffice; a mean needs all cells.
-    const bool whole = seen.covered() > 0.5, mean = of_mean + of_strongest > 0;
-    bool exact = false;  // whether all rays hit one plane
-    int n = 0;           // number of rays that hit
-    for (size_t level = 0;;) {
-        const RayPattern& pattern = RayPattern::of(COUNTS[level], round);
-        seen.cast(pattern, whole, hits);
-        n = static_cast<int>(hits.size());
-        if (mean) seen.add_outlines(pattern, whole, at.with_place, hits, outlines);
-        rays = pattern.count / (whole ? 1.0 : std::max(seen.covered(), 1e-9));
-        other = background(at, cone.axis, rays);
+    for (const int count : {FEW_RAYS, MANY_RAYS}) {
+        seen.cast(RayPattern::of(count, round), whole, hits);
+        rays = count / (whole ? 1.0 : std::max(seen.covered(), 1e-9));
         Moments all;
-        for (const RayHit& hit : hits) {
-            all.add(hit.share, hit.range);
-            if (other.exists()) other.block((1 / hit.length()) * hit.along, hit.share);
-        }
-        for (Moments& one : other.free)
-            if (!(one.weight > 0)) one = {};
-        exact = seen.is_one_plane() && n == pattern.count;
-        const Moments free = of_strongest > 0 ? Moments{} : other.free[0];
-        const Moments joint{all.weight + free.weight, all.first + free.first, all.second + free.second};
-        const double error = exact || !(all.weight > 0) ? 0 : RAYS_ERROR * std::sqrt(joint.spread() / variance);
-        const double wanted = std::clamp(error / RASTER, FEWEST, MOST_WANTED);
-        const size_t last = mean ? std::size(COUNTS) - 1 : LAST_OF_RAY;
-        if (n >= wanted || level == last) break;
-        const double per_ray = std::max(n, 1) / static_cast<double>(pattern.count);
-        do ++level;
-        while (level < last && COUNTS[level] * per_ray < wanted);
+        for (const RayHit& hit : hits) all.add(1, hit.range);
+        const double error = hits.empty() ? 0 : RAYS_ERROR * std::sqrt(all.spread() / variance);
+        if (static_cast<double>(hits.size()) >= std::clamp(error / RASTER, FEWEST, MOST_WANTED)) break;
     }
-    if (!n) return;
-    for (int k = 0; k < n && of_rays > 0; ++k) {
+    Background other = background(at, section.axis, rays);
+    for (const RayHit& hit : hits)
+        if (other.exists()) other.block((1 / hit.length()) * hit.along, 1);
+    const double beyond = std::max(other.free[0].weight, 0.0), slope = std::tan(half_angle);
+    for (const RayHit& hit : hits) {
         // a ray stands for its cell of the cone, in which the range varies with the incidence; there was an echo
-        const RayHit& hit = hits[k];
         const double tangent2 = 1 / (hit.cosine * hit.cosine) - 1, cell = hit.range * slope * 0.5;
         ConeEcho echo;
         echo.range = hit.range;
         echo.triangle = hit.triangle;
         echo.by_origin = (1 / hit.cosine) * hit.normal;
-        echo.by_axis = by_axis(hit, cone.axis);
-        keep(at, echo, of_rays / (n + other.free[0].weight), cell * cell * tangent2 / rays, 0);
+        echo.by_axis = by_axis(hit, section.axis);
+        keep(at, echo, of_rays / (static_cast<double>(hits.size()) + beyond), cell * cell * tangent2 / rays, 0);
     }
-    if (!mean) return;
+}
+
+// The mean of all places that are seen, or the means of each face.
+void ConeRange::predict_means(const Placement& at, const Section& section, const std::vector<int>& triangles,
+                              const Vec3& origin) const {
+    thread_local std::vector<RayHit> hits;
+    thread_local std::vector<Outline> outlines;
+    Visible::see(at.shape, triangles, origin, section, at.with_place, hits, outlines);
+    if (hits.empty()) return;
+    Background other = background(at, section.axis, 1);
+    for (const RayHit& hit : hits)
+        if (other.exists()) other.block((1 / hit.length()) * hit.along, hit.share);
+    for (Moments& one : other.free)
+        if (!(one.weight > 0)) one = {};
     thread_local std::vector<Vec3> turned;
     turned.clear();
     for (const RayHit& hit : hits) {
         if (!at.with_place) break;
-        turned.push_back(by_axis(hit, cone.axis));
+        turned.push_back(by_axis(hit, section.axis));
     }
     // The mean of the rays of some faces, which are the hits where face is -1 or that of the triangle, and of furniture; even
     // or by signal. A mean over furniture, too, has the probability of the fraction that the part returns, as the rest of the
@@ -306,12 +297,10 @@ void ConeRange::predict_rays(const Placement& at, const Cone& cone, const std::v
         const auto weight_of = [&](const RayHit& hit) { return by_signal ? signal_of(hit.cosine, hit.range) : 1.0; };
         ConeEcho mean;
         Moments own;
-        int count = 0;
         for (const RayHit& hit : hits) {
             if (!counts(hit)) continue;
             own.add(hit.share * weight_of(hit), hit.range);
             mean.triangle = hit.triangle;
-            count += hit.ray >= 0;
         }
         if (!(own.weight > 0)) return;
         const Moments all{own.weight + beside.weight, own.first + beside.first, own.second + beside.second};
@@ -344,8 +333,7 @@ void ConeRange::predict_rays(const Placement& at, const Cone& cone, const std::v
             mean.by_origin = (1 / all.weight) * mean.by_origin;
             mean.by_axis = (1 / all.weight) * mean.by_axis;
         }
-        const double of_rays = (face < 0 ? RAYS_ERROR : FACE_ERROR) / std::max(count, 1), raster = exact ? 0 : of_rays * of_rays;
-        keep(at, mean, share * own.weight / all.weight, all.spread() * (WEIGHT_SD * WEIGHT_SD + raster), model);
+        keep(at, mean, share * own.weight / all.weight, all.spread() * WEIGHT_SD * WEIGHT_SD, model);
     };
     for (int by_signal = 0; by_signal < 2 && of_mean > 0; ++by_signal)
         add_mean(-1, by_signal, other.free[by_signal], 0.5 * of_mean, by_signal);
@@ -353,23 +341,23 @@ void ConeRange::predict_rays(const Placement& at, const Cone& cone, const std::v
     struct Surface {
         int face;
         double signal;
-    } surfaces[RayPattern::MOST];
-    int faces = 0;
+    };
+    thread_local std::vector<Surface> surfaces;
+    surfaces.clear();
     for (const RayHit& hit : hits) {
         const int face = at.shape.faces[hit.triangle];
         const double signal = hit.share * signal_of(hit.cosine, hit.range);
-        int j = 0;
-        while (j < faces && surfaces[j].face != face) ++j;
-        if (j == RayPattern::MOST) continue;
-        if (j == faces) surfaces[faces++] = {face, 0};
+        size_t j = 0;
+        while (j < surfaces.size() && surfaces[j].face != face) ++j;
+        if (j == surfaces.size()) surfaces.push_back({face, 0});
         surfaces[j].signal += signal;
     }
     double most = other.free[1].weight;
-    for (int j = 0; j < faces; ++j) most = std::max(most, surfaces[j].signal);
+    for (const Surface& one : surfaces) most = std::max(most, one.signal);
     double sum = std::pow(other.free[1].weight / most, STRONGER);
-    for (int j = 0; j < faces; ++j) sum += surfaces[j].signal = std::pow(std::max(surfaces[j].signal, 0.0) / most, STRONGER);
-    for (int j = 0; j < faces; ++j)
-        if (surfaces[j].signal > 0) add_mean(surfaces[j].face, false, {}, of_strongest * surfaces[j].signal / sum, 0);
+    for (Surface& one : surfaces) sum += one.signal = std::pow(std::max(one.signal, 0.0) / most, STRONGER);
+    for (const Surface& one : surfaces)
+        if (one.signal > 0) add_mean(one.face, false, {}, of_strongest * one.signal / sum, 0);
 }
 
 // By the distance field: a surface is at the range somewhere in the spot, and the ball that the cone holds is empty.
