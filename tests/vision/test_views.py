@@ -14,10 +14,13 @@ from tanteo.factors import ContactPoints, FreeRays
 from tanteo.geometry import SE3, SO3
 from tanteo.io import read_readings
 from tanteo.parts import read_part
-from tanteo.posterior import Priors, Problem, sized
+from tanteo.posterior import Priors, Problem, prepare, sized, weigh
+from tanteo.posterior.part_search import start_search
+from tanteo.posterior.update import _search_widely
 from tanteo.vision import View, prepare_vision, see, see_table, view_factors
 from tanteo.vision.camera import Mounting
-from tanteo.vision.image_edges import sums_of
+from tanteo.vision.edges import chance_hits, find_edges, map_edges
+from tanteo.vision.image_edges import ImageEdges, sums_of
 from tanteo.vision.models import spread
 from tanteo.vision.rendering import Stage, render, rendered_part
 from tanteo.vision.sight import see_shots, shot_of
@@ -146,6 +149,30 @@ def test_a_hand_eye_error_is_one_of_all_views(scene, floating):
     exact = [replace(view, camera=replace(view.camera, mounting=None)) for view in views]
     alone = see(exact[0].pixels, exact[0].camera, [part], others=exact[1:], on_table=False).objects[0].answer.best
     assert np.linalg.slogdet(alone.covariance)[1] < np.linalg.slogdet(answer.best.covariance)[1]
+
+
+def test_a_wide_search_keeps_the_errors_of_cameras(scene):
+    """With exact cameras, images by a mounting that is 3 mm and 0.3 degrees off contradict one another."""
+    part, T = scene[0][0], SE3.from_parts(SO3.exp(np.array([0.4, -0.5, 0.3])), np.array([0.4, 0.1, 0.3]))
+    sds = np.repeat([2e-3, np.radians(0.2)], 3)
+    mounting = Mounting(SE3.exp(np.array([0.03, 0.0, 0.05, 0.0, 0.0, 0.7])), np.diag(sds**2))
+    error = 1.5 * np.array([1.0, -1, 0.5, 0.5, -0.5, 1])
+    views = hand_views(part, T, mounting, sds * error, np.random.default_rng(1))
+    points = [find_edges(view.pixels) for view in views]
+    factors = tuple(
+        ImageEdges(view.camera, map_edges(edges), chance_hits(edges), proposed={part: T[None]})
+        for view, edges in zip(views, points, strict=True)
+    )
+    problem = Problem(ContactPoints.none(), FreeRays.none(), sized(Priors(), part.radius), pose_factors=factors)
+    known, wide = (start_search(problem, prepare(part), np.random.default_rng(0)) for _ in range(2))
+    z = np.zeros((1, problem.states))
+    z[0, -6:] = error  # the errors of the mounting are the last
+    known.peaks = known.objective.maximize(T[None], z, fine=True)
+    before = weigh(problem, [known], np.zeros(1), -np.inf, np.random.default_rng(0))
+    _search_widely(wide, before)
+    assert wide.peaks.evidence.max() > known.peaks.evidence.max() - 1.0
+    best = wide.peaks.Ts[np.argmax(wide.peaks.evidence)]
+    assert np.linalg.norm(SE3.apply(best, part.centroid) - SE3.apply(T, part.centroid)) < 5e-4
 
 
 @pytest.mark.slow

@@ -59,7 +59,7 @@ def update_posterior(
         for p, part in enumerate(parts):
             if p not in searches:
                 searches[p] = start_search(problem, part, rng)
-            _search_widely(searches[p])
+            _search_widely(searches[p], before)
         after = _weighed(problem, searches, log_priors, anywhere, rng)
     return after
 
@@ -168,13 +168,22 @@ def _draw(search: PartSearch, count: int) -> None:
     search.peaks = _found(search.peaks)
 
 
-def _search_widely(search: PartSearch) -> None:
-    """Search a part over its whole prior, and by pairs of points if these fix a pose."""
-    own = search.objective.problem.settings.samples
-    _draw(search, own.widely)
+def _search_widely(search: PartSearch, before: Posterior) -> None:
+    """Search a part over its whole prior, and by pairs of points if these fix a pose.
+
+    Poses that images suggest start without errors of the cameras and with the best ones known: several images agree
+    only with these.
+    """
+    problem, part = search.objective.problem, search.objective.prepared.part
+    _draw(search, problem.settings.samples.widely)
     search.propose(FactorPoses())
     search.peaks = _found(search.peaks)
-    if len(search.objective.problem.points) > FEWEST:
+    suggested = [factor.poses(part) for factor in problem.pose_factors]
+    if before.modes and sum(map(len, suggested)):
+        Ts = np.concatenate(suggested)
+        z = _carried(before.modes[0].z[None], before.problem, problem)
+        _take(search, search.objective.maximize(Ts, np.repeat(z, len(Ts), axis=0), fine=True))
+    if len(problem.points) > FEWEST:
         search.restart()
         search.peaks = _found(search.peaks)
 
