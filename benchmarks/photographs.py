@@ -5,9 +5,11 @@ Mitsuba (the extra ``benchmarks``) renders them: soft shadows of lamps of severa
 textures, blur, noise and exposure. In a cluttered scene a plate hides 30 % of the part, and other objects lie beside
 it. The parts are the twelve of ``examples/parts`` and eight random ones, always the same. One photograph in ten shows a
 part that is not in the catalogue. Printed are: how often the part is right and recognized, how often it is wrong and
-sure, how often the region of 95 % holds the pose, the pose error, the number of objects, and the processor time. An
-image cannot decide if the answer lists another part or pose whose edges outside of the plate are those of the true one,
-but for less than one observation of an edge (12 px): twins that differ in a hidden edge, for example.
+sure, how often the region of 95 % holds the pose, the pose error, the number of objects, and the processor time. The
+last column is the least area of the region of a part, over that of the part from above
+(``EvidenceSettings.least_share``). An image cannot decide if the answer lists another part or pose whose edges outside
+of the plate are those of the true one, but for less than one observation of an edge (12 px): twins that differ in a
+hidden edge, for example.
 
 ``--cache FOLDER`` keeps photographs, ``--keep FILE`` rows.
 """
@@ -37,9 +39,10 @@ from tanteo import io
 from tanteo.catalogue import read_parts
 from tanteo.geometry import SE3
 from tanteo.parts import Surface
-from tanteo.vision import prepare_vision, see_table
-from tanteo.vision.camera import project
-from tanteo.vision.regions import silhouette
+from tanteo.vision import find_edges, prepare_vision, see_table
+from tanteo.vision.camera import on_plane, project
+from tanteo.vision.edges import chance_hits
+from tanteo.vision.regions import find_regions, hull_area, silhouette
 from tanteo.vision.rendering import Stage, rendered_part
 from tanteo.vision.settings import EVIDENCE
 from tanteo.vision.wireframe import see_edges
@@ -294,6 +297,7 @@ def run_photograph(kind, image, seed, folder):
     spent = time.process_time() - start
     there = silhouette(model.frame.surface, camera, SE3.inverse(camera.T_world_camera) @ T)
     row = {"kind": kind, "known": known, "objects": len(sight.objects), "spent": spent}
+    row["share"] = region_share(pixels, camera, there, SE3.apply(T, model.part.vertices))
     if not sight.objects:
         return row | {"status": "nothing", "right": False, "probability": 0.0, "z": np.nan, "mm": np.nan}
     seen = max(sight.objects, key=lambda one: (covered(one, camera) & there).sum())
@@ -319,6 +323,24 @@ def run_photograph(kind, image, seed, folder):
         "named": None if best is None else best.part, "part": model.part.name, "free": bool(best and best.unobserved),
         "apart": apart,
     }  # fmt: skip
+
+
+def region_share(pixels, camera, there, vertices):
+    """Return the area of the region that has most of a part, over that of the part from above, both of convex hulls.
+
+    Args:
+        pixels: the photograph.
+        camera: its camera.
+        there: pixels of the part ``(rows, columns)``.
+        vertices: vertices of the part in the world.
+    """
+    points = find_edges(pixels)
+    regions = find_regions(pixels, points, chance_hits(points))
+    region = max(regions, key=lambda one: (one.mask & there).sum(), default=None)
+    if region is None:
+        return 0.0
+    on_table = on_plane(camera, region.contour, SE3.inverse(camera.T_world_camera))[:, :2]
+    return hull_area(on_table) / hull_area(vertices[:, :2])
 
 
 def covered(seen, camera):
@@ -354,11 +376,12 @@ def report(rows):
             bounds(sum(not r["right"] for r in sure), len(own)), bounds(len(inside), len(placed)),
             f"{np.median([r['mm'] for r in placed] or [np.nan]):.2f}",
             f"{np.mean([r['objects'] for r in own]):.1f}", f"{np.median([r['spent'] for r in own]):.1f}",
+            f"{min((r['share'] for r in known), default=np.nan):.2f}",
         ))  # fmt: skip
     head = (
         "scenes", "right part and pose first", "and recognized", "of images that decide", "unknown part recognized",
         "wrong and sure",
-        "pose in the 95 % region", "error, median [mm]", "objects", "CPU for an image [s]",
+        "pose in the 95 % region", "error, median [mm]", "objects", "CPU for an image [s]", "least region of a part",
     )  # fmt: skip
     return Table("Photographs", "", head, table)
 

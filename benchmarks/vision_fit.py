@@ -5,8 +5,8 @@ near twin; no benchmark measures any of these parts. Two catalogues of twenty ha
 one of them. ``--photographs FOLDER`` adds photographs that Mitsuba renders (``photographs.py``) and keeps them there; a
 second number is their number of each kind. Every scene counts a second time as if its part, and parts of about its
 size, were not in the catalogue: only readings distinguish these (decision 87). Printed are the most probable weights,
-and how well a fit to the first half of the scenes does on the second. ``--keep FILE`` and ``--processes N`` are for
-long runs (``campaign.py``).
+those of an unknown object if the others stay, and how well a fit to the first half of the scenes does on the second.
+``--keep FILE`` and ``--processes N`` are for long runs (``campaign.py``).
 """
 
 from __future__ import annotations
@@ -177,13 +177,15 @@ def loss(theta, scenes):
     return out / total
 
 
-def fitted(scenes, start):
-    """Return the most probable weights."""
+def fitted(scenes, start, kept=0):
+    """Return the most probable weights; the first ``kept`` stay."""
 
-    def cost(theta):
+    def cost(rest):
+        theta = np.r_[start[:kept], rest]
         return loss(theta, scenes) + 0.5 * float(np.sum((theta / BEFOREHAND) ** 2)) / len(scenes)
 
-    return minimize(cost, start, method="Nelder-Mead", options={"maxiter": 4000, "maxfev": 4000}).x
+    found = minimize(cost, start[kept:], method="Nelder-Mead", options={"maxiter": 4000, "maxfev": 4000}).x
+    return np.r_[start[:kept], found]
 
 
 def fit_weights(scenes):
@@ -194,7 +196,8 @@ def fit_weights(scenes):
     first, second = scenes[: len(scenes) // 2], scenes[len(scenes) // 2 :]
     start = np.array([getattr(Weights(), f.name) for f in fields(Weights)])
     whole, half = fitted(scenes, start), fitted(first, start)
-    print(replace(Weights(), **{f.name: round(float(v), 3) for f, v in zip(fields(Weights), whole, strict=True)}))
+    for theta in (whole, fitted(scenes, start, 2)):  # all of them, and those of the unknown object alone
+        print(replace(Weights(), **{f.name: round(float(v), 3) for f, v in zip(fields(Weights), theta, strict=True)}))
     for name, some, theta in (("all", scenes, whole), ("the second half", second, half)):
         print(
             f"loss on {name} ({len(some)}): {loss(start, some):.3f} with those in use, {loss(theta, some):.3f} fitted"
