@@ -178,9 +178,8 @@ def _search_widely(search: PartSearch, before: Posterior) -> None:
     _draw(search, problem.settings.samples.widely)
     search.propose(FactorPoses())
     search.peaks = _found(search.peaks)
-    suggested = [factor.poses(part) for factor in problem.pose_factors]
-    if before.modes and sum(map(len, suggested)):
-        Ts = np.concatenate(suggested)
+    Ts = np.concatenate([np.zeros((0, 4, 4)), *(factor.poses(part) for factor in problem.pose_factors)])
+    if before.modes and len(Ts):
         z = _carried(before.modes[0].z[None], before.problem, problem)
         _take(search, search.objective.maximize(Ts, np.repeat(z, len(Ts), axis=0), fine=True))
     if len(problem.points) > FEWEST:

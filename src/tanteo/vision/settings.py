@@ -124,7 +124,7 @@ class EvidenceSettings:
         most_pulled: largest displacement of an edge by blur that is corrected [px]. Decision 73.
         same_pose: shift between two poses that are one, as a share of the part's diagonal. Decision 87.
         least_share: least area of the convex hull of a region, over that of the outline of a part that is proposed in
-            it. A fifth of the least in 61 photographs: ``python benchmarks/photographs.py cluttered,textured 8 63``.
+            it. The least in 23 photographs is 1.39: ``benchmarks/photographs.py plain,textured,cluttered 8 5765``.
         missed: probability that the true pose is not proposed: 3 of 74 (``python benchmarks/vision_fit.py 102``).
     """
 
