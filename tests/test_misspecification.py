@@ -32,6 +32,7 @@ def test_the_region_holds_the_truth_when_the_noise_is_another(factor, count):
     assert sum(row["held"] for row in sure) >= binom.ppf(1e-3, len(sure), 0.9)
 
 
+@pytest.mark.slow
 def test_a_different_noise_is_reported_with_its_spread():
     part = tanteo.read_part(Path(__file__).parents[1] / "examples/parts/block.step")
     rng, results = np.random.default_rng(5), []
@@ -77,6 +78,7 @@ def test_an_absent_part_is_seldom_taken_for_another(parts, most):
     assert sum(row["P"] > 0.9 and row["worst"] > 4 for row in rows) <= most
 
 
+@pytest.mark.slow
 def test_readings_on_the_given_table_are_no_outliers():
     rows = scenes(table)
     assert sum(row["right"] for row in rows) >= len(rows) - 1

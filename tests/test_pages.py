@@ -154,7 +154,9 @@ def test_all_pages_with_code_run_somewhere():
     assert all((ROOT / place).exists() for place in ELSEWHERE.values())
 
 
-@pytest.mark.parametrize("name", GIVEN)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "sense_part" else name for name in GIVEN]
+)
 def test_code_runs(name, wedge, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TANTEO_CACHE", str(tmp_path / "cache"))

@@ -299,6 +299,7 @@ def test_parts_are_located_as_without_copies(monkeypatch):
     assert abs(one.probability - other.probability) < 0.02
 
 
+@pytest.mark.slow
 def test_a_second_process_makes_no_copy_again(monkeypatch, tmp_path):
     monkeypatch.setenv("TANTEO_CACHE", str(tmp_path / "cache"))
     vertices, triangles, _ = tube(4000)

@@ -232,6 +232,7 @@ def test_examples_read_equal_in_processes_and_from_cache():
         same(one, three)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DATA.exists(), reason=f"no shared data at {DATA}")
 def test_many_real_parts_come_back_from_the_cache_in_no_time():
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")

@@ -99,6 +99,7 @@ def test_a_robot_s_base_error_widens_the_pose(answer):
     assert np.sqrt(np.diag(shared)[:3]).min() > 1e-3 > 5 * np.sqrt(np.diag(alone)[:3]).max()
 
 
+@pytest.mark.slow
 def test_parts_that_are_not_listed_are_named_in_the_message(run):
     """Two parts fit equally; one hypothesis is requested."""
     readings = str(EXAMPLES / "readings" / "step_not_felt.csv")

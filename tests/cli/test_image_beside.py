@@ -72,6 +72,7 @@ def test_an_image_changes_the_odds_of_the_parts(run, readings, few):
     assert "Parts that fit its outline: 1 of 4" in shares_stated
 
 
+@pytest.mark.slow
 def test_several_images_take_one_camera_or_one_each(run, readings, few):
     """The same image twice: as plumbing, not as evidence."""
     both, shares_stated = shares(run, readings, "--parts", few, *SEEN, "--image", IMAGE)

@@ -60,6 +60,7 @@ def test_a_rough_prior_pose_can_be_stated(run):
     assert all(r["direction"][2] < 0 for r in document["readings"])
 
 
+@pytest.mark.slow
 def test_a_tolerance_out_of_reach_exits_with_3(run):
     got = run("plan", "--part", BRACKET, "--goal", "0.01mm", "--sd", "1mm", "--max-measurements", "4")
     assert got.code == 3

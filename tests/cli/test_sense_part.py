@@ -22,6 +22,7 @@ def sense(run):
     return lambda *options: run("sense", "part", "--scene", str(SCENE), *PARTS, *options)
 
 
+@pytest.mark.slow
 def test_it_ends_with_name_place_and_cost_in_words(run, tmp_path):
     record = tmp_path / "readings.csv"
     report = tmp_path / "report.html"

@@ -70,6 +70,7 @@ def test_a_command_repeats_no_warnings_of_the_one_before(run, parts, touches):
     assert warnings_of(run, "locate", touches, "--part", parts / "wedge.stl", "--units", "mm") == []
 
 
+@pytest.mark.slow
 def test_a_hand_warns_too(run, tmp_path):
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
     (tmp_path / "wedge.step").write_bytes((EXAMPLES / "parts/wedge.step").read_bytes())

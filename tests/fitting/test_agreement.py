@@ -155,6 +155,7 @@ def test_a_wrong_reading_is_no_bend(n, least):
     assert named >= least
 
 
+@pytest.mark.slow
 def test_a_plane_is_rarely_reported_as_bent():
     rng, notes = np.random.default_rng(3), 0
     for _ in range(300):

@@ -113,6 +113,7 @@ def test_a_thin_sheet_of_few_decimals_keeps_its_rims(solids, read_mesh, sides):
     assert (len(part.planes), len(part.edges), len(part.corners)) == (6, 12, 8)
 
 
+@pytest.mark.slow
 def test_a_fine_scan_of_three_decimals_stays_one_free_form(read_mesh):
     ball = trimesh.creation.icosphere(6, 12.0)
     part = read_mesh(np.round(ball.vertices * (1, 1.2, 0.8), 3), ball.faces)

@@ -133,6 +133,7 @@ def test_what_every_reading_adds_sums_to_the_information(target):
     assert (np.linalg.eigvalsh(own) > -1e-6 * np.abs(own).max()).all()
 
 
+@pytest.mark.slow
 def test_the_frame_of_the_part_does_not_matter(target, tmp_path):
     T = SE3.from_parts(np.eye(3), -OFFSET)
     J = SE3.adjoint(SE3.inverse(T))

@@ -134,6 +134,7 @@ def corner_errors(target, covariances):
     return np.sqrt(np.einsum("cij,kjl,cil->kc", J, covariances, J).max(axis=1))
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_off_moves_its_readings_alone(bracket):
     """Place and turn of its base, the turn about the world's origin, far from which the part lies: one more draw."""
     T = SE3.from_parts(SO3.exp(np.array([0.3, 0.2, 1.0])), np.array([0.8, -0.5, 0.2]))
@@ -156,6 +157,7 @@ def test_what_is_known_better_than_the_robot_stays_so(bracket):
     assert plan(at_pose(bracket, np.eye(4), known), replace(TOUCH, base_sds=(1e-3, 1e-3)), 1e-3).readings == ()
 
 
+@pytest.mark.slow
 def test_planned_readings_meet_their_faces_wherever_part_may_be(bracket):
     rough_C = np.diag(np.repeat([8e-3, 0.1], 3) ** 2)
     found, rng = plan(at_pose(bracket, np.eye(4), rough_C), FARTHER, 1e-5, max_measurements=5), np.random.default_rng(4)
@@ -371,6 +373,7 @@ def test_a_plan_states_how_many_readings_a_session_needs(planned):
     assert f"{enough} suffice where all hit; the others replace misses. A session" in planned.message
 
 
+@pytest.mark.slow
 def test_the_share_of_placements_where_all_meet_is_as_counted(bracket, planned):
     found, rng = planned, np.random.default_rng(5)
     Ts = SE3.exp(rng.normal(size=(3000, 6)) @ np.linalg.cholesky(C).T)

@@ -272,6 +272,7 @@ def test_a_shared_error_may_explain_apparent_outliers(targets, bias):
     assert state.unknown == pytest.approx(np.exp(log[1] - logsumexp(log)), rel=0.25)  # plain draws know it to 7 %
 
 
+@pytest.mark.slow
 def test_a_discarded_part_is_searched_again_before_certainty(targets):
     """Few coarse readings of the right bracket, which the left one explains alone: it is found again, with its odds."""
     rng, spread = np.random.default_rng(38), (0.015, 0.15)
@@ -311,6 +312,7 @@ def test_a_skipped_part_is_searched_when_no_other_fits(targets):
     assert again.of_parts()[2] > 0.99
 
 
+@pytest.mark.slow
 def test_what_is_left_of_rival_is_weighed_like_leading_part():
     """The t-slot's probability where the clamp leads, against samples of the prior, and others about the heavy ones."""
     parts = [prepare(read_part(PARTS / f"{name}.step")) for name in ("t_slot", "block", "clamp")]

@@ -188,6 +188,7 @@ def test_a_session_ends_by_many_samples_of_its_posterior():
     assert len(session.state.draws.Ts) > 8 * len(usual.draws.Ts)
 
 
+@pytest.mark.slow
 def test_few_samples_decide_what_is_far_from_the_limit():
     target = prepare(read_part(PARTS / "wedge.step"))
     rng = np.random.default_rng(56)

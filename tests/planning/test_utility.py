@@ -285,6 +285,7 @@ def test_a_thin_beam_is_one_ray_and_on_a_plane_so_is_a_cone(bracket):
     np.testing.assert_allclose(wide.variances[flat], plain.variances[flat], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_hit_or_miss_of_a_wide_cone_is_no_discrimination():
     """Steps 3 mm apart, past the edge: for the axis a sure hit and a sure miss, for the cone neither."""
     pair = [prepare(read_part(PARTS / f"step_{k}mm.step")) for k in (12, 15)]

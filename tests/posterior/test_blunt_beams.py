@@ -44,6 +44,7 @@ def test_without_direction_or_beam_uncertainty_stays():
     np.testing.assert_allclose(made(np.eye(3), np.nan).covs, np.tile(SD**2 * np.eye(3), (3, 1, 1)), atol=1e-18)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [14, 22])
 def test_a_pose_that_thin_beams_just_miss_is_not_ruled_out(slotted, seed):
     """Without a floor on their width, twelve beams of 3 mm along slots put the truth 9 and 19 sd off."""

@@ -161,6 +161,7 @@ def test_a_sheet_is_where_its_field_vanishes(tmp_path, thickness):
     assert evaluate(given, p)[1][0, 0] < 3
 
 
+@pytest.mark.slow
 def test_points_alone_distinguish_parts_in_the_same_box(tmp_path):
     """Angles with the same three sides: they have one kind, and good poses of one are bad for another."""
     rng = np.random.default_rng(2)

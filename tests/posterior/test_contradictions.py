@@ -52,6 +52,7 @@ def test_a_reading_that_contradicts_is_repeated_first(block):
     assert tanteo.locate(both, block.part).status == "recognized"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "count", "seed", "least"), [("step_12mm", 14, 6, 0.1), ("wedge", 12, 3, 0.495)])
 def test_the_only_reading_of_a_displaced_face_is_repeated(name, count, seed, least):
     """The unknown object may be as probable; what decides is whether the face is there, and not any other touch."""
@@ -108,6 +109,7 @@ def test_a_reading_on_a_neighbouring_face_refutes_nothing(at_border):
     assert tanteo.locate(touches(np.r_[points, end[None]], None), box.part).status == "recognized"
 
 
+@pytest.mark.slow
 def test_outliers_on_a_plane_that_the_part_touches_are_named(block):
     T, points, directions = scene(block, 20, 2)
     low = SE3.apply(T, block.part.vertices)

@@ -137,6 +137,7 @@ def test_right_readings_are_no_mistake(blocks):
     assert not [one for one in answer.findings if isinstance(one, (OffsetQuestion, Convention))]
 
 
+@pytest.mark.slow
 def test_elapsed_time_has_the_checks_in_it(blocks):
     points, _ = touches(blocks[0], np.random.default_rng(3), RADIUS)
     start = time.perf_counter()

@@ -68,6 +68,7 @@ def test_touches_on_a_table_are_no_second_part(wedge, radius):
     assert "lie on one plane beside the part" in answer.message
 
 
+@pytest.mark.slow
 def test_one_part_that_moved_is_not_two(wedge):
     readings, _ = touched(wedge, poses((0.01, [2e-3, 1e-3, 0.0])), 14, np.random.default_rng(4))
     answer = tanteo.locate(readings, wedge, conventions=False)

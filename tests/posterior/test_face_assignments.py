@@ -121,6 +121,7 @@ def ribbed(thickness):
     return part_from_mesh(mesh.vert_properties[:, :3].astype(float), mesh.tri_verts, unit="m", name="ribbed")
 
 
+@pytest.mark.slow
 def test_both_sides_of_a_thin_rib_are_modes():
     """Touches without a direction are on one side of the rib or on the other, of a plate 250 times as long."""
     part, found = ribbed(0.002), 0

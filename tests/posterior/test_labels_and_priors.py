@@ -186,6 +186,7 @@ def test_a_pose_that_a_box_contradicts_keeps_its_readings(parts):
         assert (best.chi2, best.dof, best.rms) == pytest.approx((alone.chi2, alone.dof, alone.rms))
 
 
+@pytest.mark.slow
 def test_a_table_at_another_height_is_named(parts):
     part, rng = parts["block"], np.random.default_rng(10)
     T = SE3.exp(np.array([0.2, 0.1, 0.3, 0, 0, 0.7]))

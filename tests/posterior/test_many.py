@@ -15,6 +15,7 @@ from tanteo.sensors import Readings, thinned
 PART = Path(__file__).parents[2] / "examples" / "parts" / "bracket_left.step"
 
 
+@pytest.mark.slow
 def test_a_subset_of_many_readings_is_used_and_reported():
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
     part, rng = tanteo.read_part(PART), np.random.default_rng(1)

@@ -121,6 +121,7 @@ def test_the_search_does_not_start_from_outliers():
     assert len(peaks.spread_rows(touches_of(p[:0], 1e-4), 12)) == 0
 
 
+@pytest.mark.slow
 def test_a_part_is_found_among_as_many_strays_as_are_expected(parts):
     """Up to a third of thirty touches is somewhere else, farther out than the part: they do not lead the search."""
     target, found = prepare(parts["bracket_left"]), 0

@@ -49,6 +49,7 @@ def right(answer, plates, k):
     return answer.best.part == plates[k].name and moved < 3e-4 and turned < 5e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stored", [True, False])
 def test_the_plate_that_was_sensed_is_recognized(plates, catalogue, stored, few):
     for k in (1, 4):

@@ -142,6 +142,7 @@ def test_a_contradicted_prior_is_not_overruled_in_silence(part):
     assert answer.status == "unknown"
 
 
+@pytest.mark.slow
 def test_a_wrong_prior_is_named_where_readings_agree(part):
     """Eight deviations off: lost in the joint test of a hundred readings, which then were widened to make it fit."""
     for k in range(5):

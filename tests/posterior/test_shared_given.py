@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import tanteo
 from conftest import PARTS
@@ -19,6 +20,7 @@ mount_turn_sd_deg = 3
 RANGES = (184, 177, 179, 187, 182, 188, 190, 192, 193)
 
 
+@pytest.mark.slow
 def test_shared_errors_known_never_widen_a_pose(tmp_path):
     (tmp_path / "rig.toml").write_text(RIG)
     (tmp_path / "log.csv").write_text(

@@ -53,6 +53,7 @@ def test_of_eight_touches_the_truth_is_among_the_modes(housing):
     assert len(missed) <= 1
 
 
+@pytest.mark.slow
 def test_where_slide_found_new_pose_part_is_turned_over_there(housing):
     """A half turn and a slide between walls explain eight touches as well as the truth: neither alone leads there."""
     for k in (46, 69):

@@ -68,6 +68,7 @@ def test_a_face_alone_is_as_uncertain_as_its_stock(block):
     assert np.sqrt(answer.best.covariance[2, 2]) == pytest.approx(Stock.spread * 3e-3, rel=0.15)
 
 
+@pytest.mark.slow
 def test_stock_that_is_not_stated_is_named_by_face(block):
     answer = tanteo.locate(touches(block, AMOUNTS, 2)[0], block, priors=tanteo.Priors(pose=NEAR))
     found = next(one for one in answer.findings if isinstance(one, OffsetQuestion))

@@ -134,6 +134,7 @@ def test_a_cylinder_not_touched_at_its_ends_slides(cylinder):
     assert "sliding" in answer.hypotheses[0].unobserved[0]
 
 
+@pytest.mark.slow
 def test_readings_astray_are_named_with_their_distance(targets):
     target, named, far, wrongly = targets["bracket_left"], 0, 0, 0
     for seed in range(6):

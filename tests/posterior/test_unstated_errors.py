@@ -119,6 +119,7 @@ def ranged(target, k, turn, *, mount=0.0, **options):
     return tanteo.locate(readings, target, rig=rig, conventions=False, seed=k, **options), T
 
 
+@pytest.mark.slow
 def test_unstated_angles_of_a_laser_are_estimated(target):
     rows = []
     for k in range(8):

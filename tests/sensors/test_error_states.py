@@ -266,6 +266,7 @@ def test_one_label_is_one_face_and_centres_have_no_face():
     np.testing.assert_allclose(made.covs - exact.covs, np.broadcast_to(4e-8 * np.eye(3), (3, 3, 3)))
 
 
+@pytest.mark.slow
 @pytest.mark.quick_sets(1)
 @pytest.mark.parametrize("aimed", [True, False])
 def test_many_touches_do_not_average_the_offset_of_a_face(block, aimed):

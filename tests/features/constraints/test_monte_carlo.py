@@ -145,6 +145,7 @@ def test_lengths_with_shared_edges_and_a_shared_robot():
     assert np.mean((found.value - truth) ** 2 / cs.edge_length(*hats, alone).variance) < 0.25
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [0.15, np.pi - 0.2])
 def test_second_order_biases(turn):
     rng = np.random.default_rng(5)

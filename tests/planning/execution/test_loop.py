@@ -49,6 +49,7 @@ def test_the_same_seed_gives_the_same_run(targets):
     np.testing.assert_array_equal(ends[0].state.poses, ends[1].state.poses)
 
 
+@pytest.mark.slow
 def test_without_clearance_it_ends_with_that_reason(targets):
     unknown = unknown_scene(targets[:1], 0, np.random.default_rng(8))
     tight = replace(unknown.rules, workspace=Workspace(np.array([-1, -1, 0.32]), np.ones(3)))

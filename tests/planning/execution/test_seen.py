@@ -49,6 +49,7 @@ def best_of(seen, name):
     return next(h for h in seen.answer.hypotheses if h.part == name)
 
 
+@pytest.mark.slow
 def test_the_first_reading_is_the_one_that_the_image_cannot_make(twins, steps):
     seen = part_seen(twins)
     assert {h.part for h in seen.answer.hypotheses[:2]} == {"step_12mm", "step_15mm"}

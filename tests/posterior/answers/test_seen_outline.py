@@ -81,6 +81,7 @@ def test_a_shadow_does_not_make_it_another_s(parts):
         assert log[k] > np.log(known_stable_poses(parts[k])[0].probability) - 2
 
 
+@pytest.mark.slow
 def test_the_true_part_has_its_stated_probability(parts):
     """Of noisy outlines the mean log odds of the truth are high, and its surprises no more than one part allows."""
     rng = np.random.default_rng(3)

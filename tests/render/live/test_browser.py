@@ -135,6 +135,7 @@ def test_a_session_is_played(open_page, live, screenshots):
     assert player.policy == "nearest"
 
 
+@pytest.mark.slow
 def test_what_else_it_may_be_is_chosen_in_the_legend(open_page):
     watched = open_page("desk")
     one = watched.seen()

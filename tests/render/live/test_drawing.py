@@ -94,6 +94,7 @@ def test_readings_and_beams_are_where_they_were_made(moments, targets):
     assert drawing.reading_primitives(moments[0]) == []
 
 
+@pytest.mark.slow
 def test_a_reading_that_does_not_fit_has_another_colour(targets):
     show = maker(targets, tolerance=5e-4)(3, "largest-face")
     session, read = show.session, _reader(targets)

@@ -35,6 +35,7 @@ def unturned(rng, n=30):
     return hands
 
 
+@pytest.mark.slow
 def test_without_rotation_offset_and_plane_are_confounded():
     rng = np.random.default_rng(0)
     found = calibrate(simulated_log(rng, T, PLANE, unturned(rng)))
@@ -48,6 +49,7 @@ def test_without_rotation_offset_and_plane_are_confounded():
         calibrated_rig(found)
 
 
+@pytest.mark.slow
 def test_undetermined_parameters_keep_the_rig_s_uncertainty():
     rng = np.random.default_rng(1)
     found = calibrate(simulated_log(rng, T, PLANE, unturned(rng)), rig=rig_of())
@@ -60,6 +62,7 @@ def test_undetermined_parameters_keep_the_rig_s_uncertainty():
     assert np.linalg.norm(found.beams[0].T_hand_beam[:3, 3] - T[:3, 3]) < 4e-3
 
 
+@pytest.mark.slow
 def test_ranges_of_one_length_do_not_determine_the_scale():
     rng = np.random.default_rng(2)
     hands = random_hands(rng, 40, PLANE, T, near=0.299, far=0.301)
@@ -73,6 +76,7 @@ def test_a_good_log_determines_all():
     assert (found.status, found.message, found.devices[0].undetermined) == ("calibrated", "Calibrated eye.", ())
 
 
+@pytest.mark.slow
 def test_a_rig_that_is_far_off_makes_no_outliers():
     """The log is also searched without it."""
     rng = np.random.default_rng(4)
@@ -98,6 +102,7 @@ def test_readings_without_noise_are_fitted_exactly():
     assert found.outliers == ()
 
 
+@pytest.mark.slow
 def test_distance_along_the_axis_is_turned_into_range_along_beam():
     rng = np.random.default_rng(7)
     log = simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T))
