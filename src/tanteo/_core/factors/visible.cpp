@@ -11,9 +11,11 @@ namespace {
 
 // Scan lines are turned by 20 degrees where there are edges: on an edge along scan lines there would be no place.
 constexpr double TURN_COSINE = 0.93969262078590838, TURN_SINE = 0.34202014332566873;
-// The most heights at which surfaces change; of more, as of fine meshes, heights that are near each other are one.
+// The most heights at which surfaces change; of more, as of fine meshes, heights that are near each other are one. Then the
+// error of a mean is 0.01 of the spread (flange of 1,376 triangles), where unknown weights are 0.03.
 constexpr int MOST_HEIGHTS = 48;
-// Lengths in half widths of the section from which two, and three places of a quadrature are used.
+// Lengths in half widths of the section from which two, and three places of a quadrature are used: the error of a mean is
+// 0.002 of the spread (tests/factors/test_cone_range.py).
 constexpr double TWO = 0.25, THREE = 0.8;
 // Depths of two facets of one face that differ by less are one smooth surface, as fraction.
 constexpr double SMOOTH = 1e-3;
@@ -248,6 +250,7 @@ void Visible::find_spans(double y, double start, double end) {
     std::sort(spans.begin(), spans.end(), [](const Span& a, const Span& b) { return a.from < b.from; });
 }
 
+// The span of those at a place that hides the others there; -1 for none.
 int Visible::nearest_at(double x, double y) const {
     if (open.empty()) return -1;
     int which = open[0];
