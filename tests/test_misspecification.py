@@ -64,6 +64,7 @@ FEW = PARTS[::3]
 """Parts of the quick tests."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parts", [FEW, pytest.param(PARTS, marks=pytest.mark.slow)], ids=len)
 def test_one_reading_that_is_far_off_makes_no_wrong_answer(parts):
     rows = scenes(outlier, parts=parts)

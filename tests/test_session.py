@@ -373,6 +373,7 @@ def test_millimetres_are_no_free_beam(targets):
         assert action.read(distance).is_free.all()
 
 
+@pytest.mark.slow
 def test_a_contradicted_prior_ends_the_session(targets):
     """All six errors are over twice the stated ones; the readings agree, and a wider prior pose explains them."""
     start, rng = rough(targets, (0.010, 0.07)), np.random.default_rng(4)
@@ -436,6 +437,7 @@ def touched(session, target, T, tip, *, turned):
     return action, ways
 
 
+@pytest.mark.slow
 def test_places_that_the_tip_hides_are_not_planned_repeatedly(targets):
     """The hand keeps its rotation: the tip's offset remains, and no further touch separates it from the part's
     place."""

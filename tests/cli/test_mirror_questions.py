@@ -101,6 +101,7 @@ def bare(part, file, *, mirrored, seed, count=11):
     return file
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", [2, pytest.param(12, marks=pytest.mark.slow)])
 def test_a_better_mirror_image_raises_a_question(run, tmp_path, seeds):
     """With few touches one of a mirrored part's may pass for an outlier of the part."""

@@ -50,6 +50,7 @@ def test_touches_given_at_once_are_searched_as_a_log():
         assert squared < chi2.ppf(0.9999, dof), seed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, *(pytest.param(k, marks=pytest.mark.slow) for k in (3, 6))])
 def test_the_order_of_readings_does_not_matter(seed):
     """One by one, in reverse order, and at once: one pose, within its uncertainty."""

@@ -28,6 +28,7 @@ def undecided():
     return part, T, readings, answer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["bracket_left", *(pytest.param(name, marks=pytest.mark.slow) for name in ("clamp", "housing"))]
 )

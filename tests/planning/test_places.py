@@ -119,6 +119,7 @@ def of_corners(wedge):
     return plan(at_pose(wedge, np.eye(4), C), TOUCH, 1.2e-3, 0.9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("feature", ["edge 7", pytest.param("face 3", marks=pytest.mark.slow)])
 def test_a_plan_for_a_feature_needs_fewer_readings(wedge, of_corners, feature):
     """Simulated readings of the plan, estimated about the expected pose: the feature's errors, the promised chance."""

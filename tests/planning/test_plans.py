@@ -93,6 +93,7 @@ def test_two_readings_fewer_would_not_do(block):
     assert not any(other.reached for other in fewer)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "n"),
     [

@@ -51,7 +51,7 @@ LARGE = [(25, 30, 12, 3.8, 8)]
 BOTH = [(25, 30, 12, 2.4, 8), (50, 15, 4, 0.3, 6), (25, 30, 12, 5.0, 4)]
 
 
-@pytest.mark.quick_sets(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("walls", [LARGE, BOTH], ids=["one bore and a side", "two bores"])
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_plates_that_are_equal_where_sensed_are_all_named(plates, walls, seed):

@@ -192,6 +192,7 @@ def test_centres_that_a_part_cannot_have_are_named(blocks, kind, lacks):
     assert not [one for one in answer.findings if isinstance(one, OffsetQuestion)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "k"), [("step_12mm", 23), pytest.param("housing", 43, marks=pytest.mark.slow)])
 def test_two_outliers_of_eight_touches_are_no_wrong_directions(name, k):
     rng = np.random.default_rng((991, 3, k))

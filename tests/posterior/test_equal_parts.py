@@ -51,6 +51,7 @@ def test_each_of_two_parts_has_its_pose_and_readings(wedge, gap):
         assert off(wedge.part, one.best.T_world_part, Ts[true])[0] < 5 * one.best.corner_sd
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [pytest.param(0.0, marks=pytest.mark.slow), 2e-3])
 def test_touches_on_a_table_are_no_second_part(wedge, radius):
     """Seven touches of one plane fit a face of any part."""

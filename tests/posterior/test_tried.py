@@ -62,6 +62,7 @@ def test_one_more_outlier_costs_similar_part_its_odds(targets, seed):
     assert len(other.outliers) <= len(best.outliers) + 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenes", [6, pytest.param(16, marks=pytest.mark.slow)])
 def test_similar_parts_with_outliers_are_calibrated(targets, scenes):
     """No more best answers are wrong than their probabilities state, at a level of 1 in 1000."""

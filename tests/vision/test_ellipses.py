@@ -125,6 +125,7 @@ def test_short_arcs_are_refused_with_the_reason():
         fit_ellipse(np.zeros((4, 2)), np.ones(4))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tilts", "degrees"),
     [

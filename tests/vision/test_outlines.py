@@ -77,6 +77,7 @@ def test_an_image_is_answered_of_a_catalogue(catalogue, shots, many):
     assert shares + seen.answer.unknown_probability <= 1 + 1e-9
 
 
+@pytest.mark.slow
 def test_unsearched_parts_are_reported(catalogue, shots, many, monkeypatch):
     """If not all similar parts can be kept, the pruned ones are as probable as the kept ones."""
     monkeypatch.setattr(outlines, "DEFAULTS", DEFAULTS.changed("pruning.budget", 4).changed("pruning.least", 1))

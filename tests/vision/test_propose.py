@@ -39,6 +39,7 @@ def test_points_of_the_surface_are_as_dense_everywhere(model):
     assert np.linalg.norm(model.inner.mean(axis=0) - middle) < 0.05 * model.part.diagonal
 
 
+@pytest.mark.slow
 def test_a_first_pose_is_next_to_truth_and_costs_what_it_should(model, seen):
     camera, edges, region, T = seen
     table, costs = SE3.inverse(camera.T_world_camera), edge_costs(edges, np.full(len(edges.points), EVIDENCE.rarest))

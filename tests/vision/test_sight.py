@@ -320,6 +320,7 @@ def test_poses_are_in_the_camera_frame_without_its_place(two, models, anywhere):
     assert see_anywhere(image, Camera(camera.K, camera.size), models[:1]).frame == "camera"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("p_value", "rejected"), [(0.5, False), (1e-9, True)])
 def test_badly_fitting_edges_are_reported(anywhere, p_value, rejected):
     best = anywhere.objects[0].answer.hypotheses[0]

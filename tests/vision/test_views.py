@@ -16,7 +16,7 @@ from tanteo.io import read_readings
 from tanteo.parts import read_part
 from tanteo.posterior import Priors, Problem, prepare, sized, weigh
 from tanteo.posterior.part_search import start_search
-from tanteo.posterior.update import _search_widely
+from tanteo.posterior.update import search_widely
 from tanteo.vision import View, prepare_vision, see, see_table, view_factors
 from tanteo.vision.camera import Mounting
 from tanteo.vision.edges import chance_hits, find_edges, map_edges
@@ -169,7 +169,7 @@ def test_a_wide_search_keeps_the_errors_of_cameras(scene):
     z[0, -6:] = error  # the errors of the mounting are the last
     known.peaks = known.objective.maximize(T[None], z, fine=True)
     before = weigh(problem, [known], np.zeros(1), -np.inf, np.random.default_rng(0))
-    _search_widely(wide, before)
+    search_widely(wide, before)
     assert wide.peaks.evidence.max() > known.peaks.evidence.max() - 1.0
     best = wide.peaks.Ts[np.argmax(wide.peaks.evidence)]
     assert np.linalg.norm(SE3.apply(best, part.centroid) - SE3.apply(T, part.centroid)) < 5e-4

@@ -59,7 +59,7 @@ def update_posterior(
         for p, part in enumerate(parts):
             if p not in searches:
                 searches[p] = start_search(problem, part, rng)
-            _search_widely(searches[p], before)
+            search_widely(searches[p], before)
         after = _weighed(problem, searches, log_priors, anywhere, rng)
     return after
 
@@ -168,7 +168,7 @@ def _draw(search: PartSearch, count: int) -> None:
     search.peaks = _found(search.peaks)
 
 
-def _search_widely(search: PartSearch, before: Posterior) -> None:
+def search_widely(search: PartSearch, before: Posterior) -> None:
     """Search a part over its whole prior, and by pairs of points if these fix a pose.
 
     Poses that images suggest start without errors of the cameras and with the best ones known: several images agree

@@ -23,6 +23,7 @@ def off(kind, T, L, rng, label):
     return Feature(kind, T @ SE3.exp(-kind.B.T @ L @ rng.normal(size=kind.size)), L @ L, label)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("N", [40, pytest.param(120, marks=pytest.mark.slow)])
 def test_a_face_and_two_holes_in_it_locate_a_flange(N):
     """Forty poses show a variance that is off by a third, with one false alarm in a thousand."""

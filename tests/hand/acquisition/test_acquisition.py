@@ -70,7 +70,7 @@ def test_a_block_is_felt_where_it_is(felt, kind):
     assert len(got.others) == {"plane": 0, "edge": 1, "vertex": 3}[kind]
 
 
-@pytest.mark.quick_sets(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", list(SENSE))
 def test_the_record_gives_the_same_features_to_the_last_bit(tmp_path, felt, kind):
     got, _ = felt[kind]

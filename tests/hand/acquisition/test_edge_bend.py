@@ -31,6 +31,7 @@ def felt(degrees, seed, standoff=0.02):
     return scene, got
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [35, pytest.param(75, marks=pytest.mark.slow)])
 def test_the_edge_of_a_bend(degrees):
     scene, got = felt(degrees, seed=1)

@@ -26,6 +26,7 @@ def sensed(kind, task, seed=0):
     return SENSE[kind](robot, task.guess, standoff=task.standoff, rules=rules, label="it"), robot
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("convex", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_cylinder_is_sensed_without_contact(convex):
     rng = np.random.default_rng(5)

@@ -55,6 +55,7 @@ def test_a_fixed_camera_is_the_same_with_inverted_poses(rng):
     np.testing.assert_allclose(SE3.inverse(fixed.T_next), hand.T_next, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trials", [40, pytest.param(120, marks=pytest.mark.slow)])
 def test_few_clean_samples_are_rarely_excluded(rng, trials):
     """With six samples the estimate follows each of them, and the variances are estimated with few deviations."""
@@ -92,6 +93,7 @@ def test_three_wrong_samples_of_twelve_are_named(rng):
     assert np.abs(SE3.log(SE3.inverse(found.T_mount_camera) @ X)[:3]).max() < 2e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("trials", "most"), [(25, 4), pytest.param(100, 12, marks=pytest.mark.slow)])
 def test_few_of_many_good_samples_are_excluded(rng, trials, most):
     """Of 100 calibrations without a wrong sample about one may lose one, by the level of the test."""

@@ -113,6 +113,7 @@ def aimed_log(rng, T_hand_beam, scale, count, aim_sd):
     return Readings.from_columns(ranges=ranges, sensors=["eye"] * count, Ts_world_hand=np.array(hands))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text", [pytest.param("point 400,200,50mm +- 0.01mm 0.2mm", marks=pytest.mark.slow), "point +- 0.2mm"]
 )

@@ -22,6 +22,7 @@ def rig_file(tmp_path):
     return of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "seeds"), [(1, 3), *(pytest.param(n, 8, marks=pytest.mark.slow) for n in (1, 3, 5))])
 def test_the_plane_s_height_keeps_the_device_s_offset(rig_file, n, seeds):
     rig, errors = read_rig(rig_file(n)), []
