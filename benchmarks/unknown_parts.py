@@ -8,7 +8,8 @@ sensed while the catalogue holds the other. ``--processes`` and ``--keep`` work 
 ``python benchmarks/unknown_parts.py excluded [scenes] [seed] [kind ...]`` excludes the sensed part from a folder of
 twelve, the example parts and machined ones, with a probability of one half, which the prior states. Each kind of
 readings has a row with standard errors: the probability of the unknown object and its frequency, and the probability of
-the best explanation (a part, or the unknown object) and how often it is right. An answer names the unknown object if
+the best explanation (a part, or the unknown object) and how often it is right. Log score: the mean log
+probability of the truth, known or unknown. An answer names the unknown object if
 it is more probable than each part.
 
 ``python benchmarks/unknown_parts.py shapes [parts] [seed]`` prints how example, machined and random parts fill the
@@ -230,13 +231,15 @@ def excluded_table(scenes, seed, kinds, keep, processes):
         for claimed, true in ((unknown, absent), (P, right)):
             se = (claimed - true).std() / np.sqrt(len(rows))
             cells += [f"{claimed.mean():.3f}", f"{true.mean():.3f}", f"{(claimed - true).mean():+.3f} ± {se:.3f}"]
+        score = np.log(np.where(absent > 0, unknown, 1 - unknown).clip(1e-4))
+        cells.append(f"{score.mean():.3f}")
         sure, wrong = P > 0.9, (P > 0.9) & (right == 0)
         counts = [int(np.sum(wrong & (absent == truth))) for truth in (1, 0)]
         cells.append(f"{counts[0]}, {counts[1]} of {int(sure.sum())}")
         table.append(tuple(cells))
         print(*cells, sep="\t", flush=True)
     columns = ("readings", "scenes", "P(unknown)", "unknown", "difference", "P(best)", "right", "difference",
-               "wrong above 0.9: unknown, known")  # fmt: skip
+               "log score", "wrong above 0.9: unknown, known")  # fmt: skip
     text = f"Folders of {FOLDER_SIZE} parts, {TOUCHES[0]} to {TOUCHES[1]} readings, seed {seed}."
     return Table("Parts excluded from the folder", text, columns, table)
 

@@ -22,11 +22,11 @@ MOST = {
     "files with checks of a kind in C++": 0,
     "checks of a kind in Python": 0,
     "files with checks of a kind in Python": 0,
-    "code lines of Python in the judged packages": 13960,
+    "code lines of Python in the judged packages": 13990,
     "code lines of C++": 13233,
     "exported names": 451,
     "exported names without a user": 0,
-    "words of docs": 46180,
+    "words of docs": 46350,
     "live decisions": 40,
 }
 """Largest accepted figures. Lines and words may grow with new capabilities; the others may only fall."""

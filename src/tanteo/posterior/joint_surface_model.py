@@ -66,8 +66,8 @@ _WEAK = 1e-8
 _GENERIC = np.sqrt([1.0, 2.0, 3.0])
 """Numerical: a direction that is along no face; it distinguishes the two sides of a plane."""
 
-_SIDES = 12
-"""Numerical: nodes of the integral over each side of the bounding box."""
+SIZES = 12
+"""Numerical: nodes of the integral over a size of an unknown object: its radius, or a side of its bounding box."""
 
 
 def log_joint_surfaces(facets: Facets, share: float, radius: float, settings: Settings = DEFAULTS) -> float:
@@ -205,7 +205,7 @@ def log_gain_of_planes(found: Iterable[SharedPlanes]) -> float:
 
 
 def shared_planes(
-    at: Details, problem: Problem, part: Part, Ts: Transforms, zs: FloatArray, volume: float
+    at: Details, problem: Problem, part: Part, Ts: Transforms, zs: FloatArray, anywhere: float
 ) -> list[SharedPlanes]:
     """Return which readings share planes at each pose of a part, and their densities on an unknown object.
 
@@ -215,15 +215,16 @@ def shared_planes(
         part: the part.
         Ts: poses of the part ``(S, 4, 4)``.
         zs: states beside the pose: shared errors, and the noise scale ``(S, D)``.
-        volume: volume of the possible centres of an object [m^3].
+        anywhere: log density of the readings without a plane of their own, anywhere on an unknown object
+            (:attr:`~tanteo.posterior.unknown.SizesOfUnknown.log_density`).
     """
-    free, out = np.flatnonzero(_without_plane(problem)), list[SharedPlanes]()
+    free, out = without_plane(problem), list[SharedPlanes]()
     flat = np.array([face.surface == "plane" for face in part.faces], dtype=np.bool_)
     if len(free) < 2:
         return out
     own = ((s, _Box.of(at, s, problem, free, flat, _SAME * part.diagonal, T)) for s, T in enumerate(Ts))
     boxes = {s: box for s, box in own if box is not None}
-    gains = {s: box.log_gain(problem, volume, part, zs[s]) for s, box in boxes.items()}
+    gains = {s: box.log_gain(problem, anywhere, part, zs[s]) for s, box in boxes.items()}
     best = 0.0
     for s in sorted(gains, key=lambda s: -gains[s]):
         if gains[s] + np.log(2) < best - problem.settings.search.negligible:
@@ -234,12 +235,12 @@ def shared_planes(
     return out
 
 
-def _without_plane(problem: Problem) -> BoolArray:
-    """Return the readings of a surface of which nothing else is known: no label, no normal, no furniture ``(n,)``."""
+def without_plane(problem: Problem) -> IntArray:
+    """Return rows of the readings of a surface of which nothing else is known: no label, no normal, no furniture."""
     points = problem.points
     surface = [f.on_surface and f.codimension == 1 and not f.round_face for f in points.factors]
     known = (problem.groups >= 0) | points.oriented | problem.furniture.on_furniture | problem.distant.rows
-    return np.array(surface, dtype=np.bool_) & ~known
+    return np.flatnonzero(np.array(surface, dtype=np.bool_) & ~known)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -334,7 +335,7 @@ class _Box:
         sides = (np.array(outward) @ T[:3, :3].T) @ _GENERIC > 0
         return frozenset(zip(rows, sides.tolist(), strict=True))
 
-    def log_places(self, problem: Problem, volume: float, part: Part, scale: float) -> float:
+    def log_places(self, problem: Problem, anywhere: float, part: Part, scale: float) -> float:
         """Return the log density of the places along the planes, and of the planes, over that of readings anywhere.
 
         Places on the bounding box are even over it. The first reading of a plane inside is even over the box. Each
@@ -342,7 +343,7 @@ class _Box:
 
         Args:
             problem: measurements and priors.
-            volume: volume of the possible centres of an object [m^3].
+            anywhere: log density of the readings anywhere on an unknown object.
             part: the part, whose area over that of its bounding box is that of the object.
             scale: noise scale at the pose of the part.
         """
@@ -370,12 +371,7 @@ class _Box:
         log += np.log(1 - np.exp(log_covered(1))) * single.sum()
         log += np.log(self.cosines[(outer | later) & directed]).sum()
         log += np.sum(np.log(problem.priors.outlier_rate) + problem.log_outlier[self.rows[off]])
-        anywhere = (
-            log_even(region.log_gain_of_unknown(problem.typical_area))
-            + np.log(volume)
-            + problem.log_outlier[self.rows].sum()
-        )
-        return float(log - anywhere)
+        return float(log - anywhere - problem.log_outlier[self.rows].sum())
 
     def _sides(self, longest: float, scale: float) -> tuple[list[FloatArray], list[FloatArray]]:
         """Return log weights and lengths of the sides of the box along each axis, which are even up to the longest one.
@@ -404,20 +400,20 @@ class _Box:
                 continue
             shortest = max(high - low, SMALLEST * longest)
             most = max(longest, LARGER * shortest)
-            side = shortest + (np.arange(_SIDES) + 0.5) / _SIDES * (most - shortest)
-            slide = np.zeros(_SIDES) if upper.any() or lower.any() else np.log(side - (high - low))
-            logs.append(slide + np.log((most - shortest) / (_SIDES * most)))
+            side = shortest + (np.arange(SIZES) + 0.5) / SIZES * (most - shortest)
+            slide = np.zeros(SIZES) if upper.any() or lower.any() else np.log(side - (high - low))
+            logs.append(slide + np.log((most - shortest) / (SIZES * most)))
             sides.append(side)
         return logs, sides
 
-    def log_gain(self, problem: Problem, volume: float, part: Part, z: FloatArray) -> float:
+    def log_gain(self, problem: Problem, anywhere: float, part: Part, z: FloatArray) -> float:
         """Return the log density of the readings on an object with these planes, over that of readings anywhere.
 
         It is the integral over axes, distances of the planes, shared errors and noise scale.
 
         Args:
             problem: measurements and priors.
-            volume: volume of the possible centres of an object [m^3].
+            anywhere: log density of the readings anywhere on an unknown object.
             part: the part, whose area over that of its bounding box is that of the object.
             z: states at the pose of the part ``(D,)``.
         """
@@ -430,7 +426,7 @@ class _Box:
         prior = np.concatenate([np.full(K, self._even()), attitudes, np.ones(2 * len(off) + E)])
         scale = float(np.exp(problem.scale_sd * z[-1])) if problem.scale_sd else 1.0
         log = self._log_exact_and_displaced(J, prior, problem, z)[1] - float(np.log(_ATTITUDES))
-        return log + self.log_places(problem, volume, part, scale)
+        return log + self.log_places(problem, anywhere, part, scale)
 
     def log_displaced(self, problem: Problem, z: FloatArray) -> float:
         """Return the log density of the readings on the part, of which half have displaced faces, over that as drawn.

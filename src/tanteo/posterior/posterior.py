@@ -12,7 +12,7 @@ from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.posterior.candidate_pruning import Unsearched, prune
 from tanteo.posterior.details import details_at
-from tanteo.posterior.joint_surface_model import SharedPlanes, log_gain_of_planes, shared_planes
+from tanteo.posterior.joint_surface_model import SharedPlanes, log_gain_of_planes, shared_planes, without_plane
 from tanteo.posterior.near_variants import log_density_of_near_variant
 from tanteo.posterior.part_search import PartSearch, common_random_numbers, start_search, start_searches
 from tanteo.posterior.prepared import PreparedPart
@@ -24,7 +24,7 @@ from tanteo.posterior.sampling.placements import Placements, are_placeable, inte
 from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.posterior.sampling.sampling import sample
 from tanteo.posterior.symmetry import log_orbit
-from tanteo.posterior.unknown import log_anywhere, log_unknown, possible_centres
+from tanteo.posterior.unknown import log_anywhere, log_unknown, sizes_of_unknown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,6 +99,7 @@ def _integrated(
         constant = problem.log_pose_density(search.objective.prepared) + prior + search.log_odds
         placed.append(Placements(search.objective, search.rng, constant))
     integrate(placed, anywhere)
+    bare = _log_bare(problem)
     if max((one.ess for one in placed), default=0.0) < problem.settings.samples.shape:
         return None
     modes, like = [], []
@@ -106,7 +107,8 @@ def _integrated(
         search.peaks = one.maxima() if len(one.Ts) else search.peaks
         if len(search.peaks):
             modes.append(one.mode(search.peaks))
-            like.append(_like(one.objective, search.peaks.take(np.zeros(1, dtype=np.int64)), np.array([one.log_mass])))
+            best = search.peaks.take(np.zeros(1, dtype=np.int64))
+            like.append(_like(one.objective, best, np.array([one.log_mass]), bare))
     priors = np.full(len(searches), prior)
     return _posterior(problem, searches, priors, anywhere, modes, like, followed=True)
 
@@ -203,12 +205,12 @@ def weigh(
     found = [(s, float(prior), own) for s, prior, own in drawing if len(s.peaks)]
     evidence = np.array([s.log_evidence + prior for s, prior, _ in found])
     total, best = float(log_sum([anywhere, *evidence])), evidence.max(initial=-np.inf)
-    samplers, like = [], list[_Like]()
+    samplers, like, bare = [], list[_Like](), _log_bare(problem)
     for (s, prior, prior_samples), own in zip(found, evidence, strict=True):
         if own > total - negligible or own == best:
             samplers.append(_sampler(s, prior, max(total, best), prior_samples))
         elif own > total - 2 * negligible:  # a variant of a part explains more than the part
-            like.append(_like(s.objective, s.peaks, s.peaks.evidence + own - log_sum(s.peaks.evidence)))
+            like.append(_like(s.objective, s.peaks, s.peaks.evidence + own - log_sum(s.peaks.evidence), bare))
     sample(samplers, anywhere)
     modes = []
     sampled = float(log_sum([anywhere, *(float(log_sum(sampler.masses()[0])) for sampler in samplers)]))
@@ -216,7 +218,7 @@ def weigh(
         own_modes = modes_of(sampler, sampled + float(np.log(problem.settings.samples.min_probability)))
         modes += own_modes
         masses = np.array([mode.log_mass for mode in own_modes])
-        like.append(_like(sampler.objective, _at_peaks(own_modes, sampler), masses))
+        like.append(_like(sampler.objective, _at_peaks(own_modes, sampler), masses, bare))
     return _posterior(problem, searches, priors, anywhere, modes, like, log_left_out, followed=followed)
 
 
@@ -282,8 +284,21 @@ class _Like:
     planes: list[SharedPlanes]
 
 
-def _like(objective: Objective, peaks: Peaks, log_masses: FloatArray) -> _Like:
-    """Return the unknown objects that are like a part about its most probable maxima."""
+def _log_bare(problem: Problem) -> float:
+    """Return the log density of readings of which only the place is known, anywhere on an unknown object."""
+    rows = without_plane(problem)
+    return sizes_of_unknown(problem, rows).log_density if len(rows) else 0.0
+
+
+def _like(objective: Objective, peaks: Peaks, log_masses: FloatArray, bare: float) -> _Like:
+    """Return the unknown objects that are like a part about its most probable maxima.
+
+    Args:
+        objective: the part and the problem.
+        peaks: its maxima.
+        log_masses: log masses of the maxima.
+        bare: see :func:`_log_bare`.
+    """
     if not len(log_masses):
         return _Like(-np.inf, [])
     problem, part = objective.problem, objective.prepared.part
@@ -292,8 +307,7 @@ def _like(objective: Objective, peaks: Peaks, log_masses: FloatArray) -> _Like:
     at = details_at(objective, Ts, zs)
     variant = log_density_of_near_variant(at, part, problem.priors.outlier_rate)
     log = float(log_sum(log_masses[rows] + variant - at.log_points))
-    volume = possible_centres(problem.points.points, problem.priors.radius).volume if len(problem.points) else 1.0
-    return _Like(log, shared_planes(at, problem, part, Ts, zs, volume))
+    return _Like(log, shared_planes(at, problem, part, Ts, zs, bare))
 
 
 def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Generator) -> Sampler:

@@ -38,7 +38,7 @@ class Priors:
         near_variant: fraction of unknown parts that equal a part of the catalogue except for some faces; for unlabelled
             readings.
         noise_factor: factor to which the noise is known: standard deviations within this factor of the stated one are
-            equally probable, beyond its square nearly impossible; 1 if the noise is as stated. None: by the origin of
+            equally probable, beyond its cube nearly impossible; 1 if the noise is as stated. None: by the origin of
             the standard deviation, see :data:`STATED`.
         furniture: known surfaces that a sensor may hit instead of the part, in addition to the table of ``pose``.
         pose: prior of the pose.
