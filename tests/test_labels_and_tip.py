@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from bare_scenes import box_centred_pose, nees
 from tanteo import PosePrior, Priors, Readings, identify, locate
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
+from tanteo.words.findings import SharedErrorLimits
 
 SD, TIP = 1e-4, np.array([1.5e-3, 1.5e-3, 3e-4])
 
@@ -54,6 +56,18 @@ def test_labels_do_not_stand_in_the_way_of_a_large_tip_offset(bracket):
         best = answer.hypotheses[0]
         values.append(nees(bracket, best.T_world_part, best.covariance, T)[0] / 6)
     assert np.mean(values) < 1 + 3.3 * np.sqrt(2 / 6 / len(values))  # 99.9 %
+
+
+def test_shares_of_the_uncertainty_are_of_the_reported_one(bracket):
+    rng = np.random.default_rng(5)
+    seen = touched(bracket, box_centred_pose(rng), rng, 0 * TIP)
+    level = replace(seen, Ts_world_hand=seen.Ts_world_hand.map(lambda Ts: SE3.from_parts(np.eye(3), Ts[:, :3, 3])))
+    answer = identify(level, [bracket], tip_sd=2 * SD * np.ones(3))
+    limits = [one for one in answer.findings if isinstance(one, SharedErrorLimits)]
+    assert len(limits) == 2, answer.message  # the tip's offset, and errors that are assumed
+    for one in limits:
+        assert one.corner_sd == pytest.approx(answer.hypotheses[0].corner_sd)
+        assert np.hypot(one.share, one.without) == pytest.approx(one.corner_sd)
 
 
 def test_labels_are_used_where_the_tip_is_known(bracket):

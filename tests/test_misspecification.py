@@ -121,6 +121,15 @@ def test_readings_in_inches_are_named():
     assert "units" in [one.kind for one in tanteo.locate(wrong, part).findings]
 
 
+def test_inches_are_named_beside_a_radius_in_its_own_unit():
+    """A radius that an option states does not change with the unit of the file."""
+    part = tanteo.read_part(Path(__file__).parents[1] / "examples/parts/bracket_left.step")
+    readings = tanteo.read_readings(Path(__file__).parents[1] / "examples/readings/bracket_bare.csv")
+    centres = readings.points[:] - 1e-3 * readings.directions[:]  # the approach is nearly along the normals
+    wrong = tanteo.Readings.from_columns(points=centres / 25.4, radii=np.full(len(readings), 1e-3))
+    assert "units" in [one.kind for one in tanteo.locate(wrong, part).findings]
+
+
 @pytest.mark.parametrize("wrong", ["vise.stl", ("vise.stl",)])
 def test_furniture_that_is_none_is_refused(wrong):
     with pytest.raises(tanteo.InputError, match="priors, furniture: expected a tuple of Furniture"):

@@ -52,6 +52,30 @@ def test_an_undecided_answer_names_the_next_reading(run):
     assert document["findings"][-1]["kind"] == "next_touch"
 
 
+@pytest.fixture(scope="module")
+def six_touches(tmp_path_factory):
+    """Six touches of the wedge without directions, three on top, two on a side and one on another."""
+    path = tmp_path_factory.mktemp("six") / "six.csv"
+    points = [(10, 10, 30), (50, 5, 30), (20, 35, 30), (10, 0, 15), (50, 0, 12), (0, 20, 14)]
+    path.write_text("x_mm,y_mm,z_mm\n" + "".join(f"{x},{y},{z}\n" for x, y, z in points))
+    return path
+
+
+def test_an_answer_and_next_name_the_same_place(run, parts, six_touches):
+    """Both compare all poses that the search found, also those that the answer does not list."""
+    words = six_touches, "--part", parts / "wedge.stl", "--units", "mm", "--sd", "0.1mm", "--json"
+    following, answer = json.loads(run("next", *words).out)["next"], json.loads(run("locate", *words).out)
+    named = next(one["values"] for one in answer["findings"] if one["kind"] == "next_touch")
+    assert len(following["hypotheses"]) > len(answer["hypotheses"]) == 5
+    assert named["point"] == pytest.approx(following["point_m"])
+    assert named["direction"] == pytest.approx(following["direction"])
+
+
+def test_touches_without_directions_are_not_followed_by_one_from_below(run, parts, six_touches):
+    words = six_touches, "--part", parts / "wedge.stl", "--units", "mm", "--sd", "0.1mm", "--seed", 2, "--json"
+    assert json.loads(run("next", *words).out)["next"]["direction"][2] <= 1e-9
+
+
 @pytest.mark.parametrize("more", [(), ("--parts", EXAMPLES / "parts")])
 def test_part_or_parts_must_be_named(run, more):
     typed = FEW if more else FEW[:1]

@@ -35,6 +35,13 @@ def test_the_report_has_the_command_that_repeats_it(run, ended_session, tmp_path
         assert hashlib.sha256(name.read_bytes()).hexdigest()[:16] in page
 
 
+def test_readings_without_a_standard_deviation_have_a_report(run, ended_session, tmp_path):
+    file = tmp_path / "report.html"
+    result = run(*ended_session[:-2], "--report", file)
+    assert result.code == 0, result.err
+    assert "No standard deviation is stated" in file.read_text(encoding="utf-8")
+
+
 def test_beside_json_only_the_document_is_on_standard_output(run, ended_session, tmp_path):
     file = tmp_path / "report.html"
     result = run(*ended_session, "--json", "--report", file)

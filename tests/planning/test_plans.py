@@ -21,6 +21,7 @@ from tanteo.planning.start import Start, at_pose
 from tanteo.posterior import Priors, prepare
 from tanteo.posterior.answers import corner_moves, corner_sd
 from tanteo.sensors.presets import NoiseLaw, sensor_preset
+from tanteo.words.findings import PriorTooWide, SystematicErrorLimits
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 TOUCH = Probe("touch", NoiseLaw.of(3e-4), contact=True, standoff=0.03)
@@ -46,6 +47,17 @@ def block(tmp_path_factory):
     path = tmp_path_factory.mktemp("block") / "block.stl"
     path.write_text(stl(prism([(0, 0), (200, 0), (200, 150), (0, 150)], 80)))
     return prepare(read_part(path, unit="mm"))
+
+
+def test_the_least_goal_counts_faces_that_are_often_missed(tmp_path):
+    """The sides of a plate are lower than the prior is wide, but some placements allow their touch."""
+    path = tmp_path / "plate.stl"
+    path.write_text(stl(prism([(0, 0), (200, 0), (200, 150), (0, 150)], 8)))
+    start = at_pose(prepare(read_part(path, unit="mm")), np.eye(4), np.diag([4e-3, 4e-3, 4e-3, 1e-3, 1e-3, 0.02]) ** 2)
+    found = plan(start, replace(TOUCH, base_sds=(5e-4, 1e-4)), 5e-4)
+    assert not found.readings
+    assert isinstance(found.findings[0], SystematicErrorLimits | PriorTooWide)
+    assert getattr(found.findings[0], "least", 0.0) < 2e-3
 
 
 @pytest.fixture(scope="module")

@@ -20,12 +20,15 @@ from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, warned
 from tanteo.cli.readings import FileOptions, read_file, units_of_parts
 from tanteo.errors import ReadingsError
-from tanteo.words.findings import AccuracyNeeded
+from tanteo.words.findings import AccuracyNeeded, AssumedTip
 
 if TYPE_CHECKING:
     from tanteo.parts import Part
     from tanteo.recognition import Query
     from tanteo.sensors import PointMeasurements, Readings, Rig
+
+HYPOTHESES = 100
+"""Largest number of hypotheses among which the next reading discriminates: more than a search returns."""
 
 _HEADER = re.compile(r"(?:^|,)\s*(?:x|range)_(mm|m|um|in)\s*(?:,|$)", re.MULTILINE)
 
@@ -46,13 +49,14 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     sources += [("--factor", text.partition("=")[2]) for text in options.factor or ()]
     files.check_different(("--report", options.report), inputs=sources, parts=parts)
     reply = ask(
-        readings, parts, options, file, known, top=options.top, count=options.count,
+        readings, parts, options, file, known, top=max(options.top, HYPOTHESES), count=options.count,
         as_published=options.as_published,
     )  # fmt: skip
     given, result, loaded = reply.given, reply.answer, reply.loaded - start
     words = replace(words, doubt=given.doubt)
     if not options.as_published:
         result = _with_next(result, given, options, known)
+    result = replace(result, hypotheses=result.hypotheses[: options.top])
     if options.need is not None:
         from tanteo.planning.following import accuracy_needed
 
@@ -345,9 +349,10 @@ def _report(
     from tanteo.planning import Sensing
     from tanteo.render.html import gather, report_page
 
+    assumed = [(one.sd,) * 3 for one in answer.findings if isinstance(one, AssumedTip)]
     sensing = Sensing(
-        options.sensor, options.robot, options.sd, options.tip_sd, given.rig, options.form_sd,
-        shared_errors=options.shared_errors,
+        options.sensor, options.robot, options.sd, assumed[0] if assumed else options.tip_sd, given.rig,
+        options.form_sd, shared_errors=options.shared_errors,
     )  # fmt: skip
     before = [] if known is None else [("Known before", render.text.prior_words(known))]
     page = report_page(answer, gather(given.readings, sensing, known), given.parts, files.this_run(*before))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tanteo import io, render
 from tanteo.cli import arguments as args
 from tanteo.cli import typed
-from tanteo.cli.answer import ask
+from tanteo.cli.answer import HYPOTHESES, ask
 from tanteo.cli.answer_options import Evidence
 from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, put, warned
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from tanteo.parts import Part
     from tanteo.planning import Probe
     from tanteo.planning.following import NextReading
-
-_HYPOTHESES = 100
-"""Largest number of hypotheses that are compared: more than a search returns."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +51,7 @@ def next_reading(
 
     known = typed.read_known(options.table, options.box, options.pose_prior, options.prior, options.rests)
     paths = options.parts or [options.part or ""]
-    reply = ask(readings, paths, options, file, known, top=_HYPOTHESES)
+    reply = ask(readings, paths, options, file, known, top=HYPOTHESES)
     answer, given = reply.answer, reply.given
     with misuse():
         probe = probe_for(given, options, reach, known, program)

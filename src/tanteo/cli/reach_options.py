@@ -125,7 +125,7 @@ def probe_for(
     if not beam:
         where = {"contact": True, "radius": ball} | where
     directions = measured.directions[np.isfinite(measured.directions).all(axis=1)]
-    above = len(directions) > 0 and bool((directions[:, 2] <= _UPWARD).all())
+    above = bool((directions[:, 2] <= _UPWARD).all())  # also without directions: few machines touch from below
     table = known.table if known is not None else None
     where |= reach.where(table, options.furniture, options.units, ball=ball, above=above, upright="stylus" in where)
     where["form_sd"] = options.form_sd

@@ -183,7 +183,8 @@ def plan(
     design, chosen, can = _steadiest(start, probe, tolerance, confidence, max_measurements, seed, design)
     if not len(chosen):
         before = design.places.sd(design.pose(design.prior))
-        return Plan(part.name, start.Ts[0], (), before, False, (_limit(design, tolerance, confidence),), feature)
+        rarely_hit = design_of(start, probe, seed, feature, stated, steady=0.0, clear=0.0) or design
+        return Plan(part.name, start.Ts[0], (), before, False, (_limit(rarely_hit, tolerance, confidence),), feature)
     found = _as_plan(start, design, chosen, tolerance, confidence)
     if not (found.reached or can) and (
         wide := _too_wide_a_prior(start, probe, design, found, tolerance, confidence, seed)
@@ -236,9 +237,17 @@ def _goal(design: Design, tolerance: float) -> PlanGoal:
     return PlanGoal(design.target.part.name, design.places.feature or "", tolerance)
 
 
-def _limit(design: Design, tolerance: float, confidence: float) -> SystematicErrorLimits | ReachLimits:
-    """Return what prevents the goal with any number of readings: the largest shared error, or the reach."""
+def _limit(design: Design, tolerance: float, confidence: float) -> SystematicErrorLimits | ReachLimits | PriorTooWide:
+    """Return what prevents the goal with any number of readings: the largest shared error, the reach, or the prior.
+
+    Args:
+        design: the problem with all candidates, also those that seldom hit their faces.
+        tolerance: tolerance [m].
+        confidence: required probability of the tolerance.
+    """
     goal, sd = _goal(design, tolerance), design.places.sd(design.limit)
+    if design.chance(design.limit, tolerance) >= confidence:
+        return PriorTooWide(goal, design.places.sd(design.pose(design.prior)), design.best(tolerance), 0)
     least = design.least_goal(design.limit, confidence)
     sources = dict.fromkeys(source for source in design.sources if source != "pose")
     if design.chance(design.limit_without(sources), tolerance) < confidence:

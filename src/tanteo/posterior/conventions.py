@@ -95,16 +95,22 @@ def _mirrored(readings: Readings) -> Readings | None:
     return replace(readings, **vectors)
 
 
-def _longer(unit: str, read: str) -> Callable[[Readings], Readings | None]:
-    """Return a function that interprets all lengths in another unit than the one that was read."""
+def _longer(unit: str, read: str, *, ball: bool = True) -> Callable[[Readings], Readings | None]:
+    """Return a function that interprets all lengths in another unit than the one that was read.
+
+    Without the radius of the ball it returns None where the tip is sharp, as the other function has the same result.
+    """
     factor = METRES[unit] / METRES[read]
 
     def undo(readings: Readings) -> Readings | None:
+        if not (ball or readings.radii.any()):
+            return None
         Ts = np.array(readings.Ts_world_hand.values)
         Ts[:, :3, 3] *= factor
-        names = "points", "ranges", "max_ranges"
+        names = "points", "ranges", "max_ranges", "hole_radii"
         lengths: dict[str, Any] = {name: getattr(readings, name).map(lambda v: factor * v) for name in names}
-        lengths |= {"Ts_world_hand": readings.Ts_world_hand.map(lambda _: Ts), "radii": factor * readings.radii}
+        lengths |= {"Ts_world_hand": readings.Ts_world_hand.map(lambda _: Ts)}
+        lengths |= {"radii": factor * readings.radii} if ball else {}
         return replace(readings, **lengths)
 
     return undo
@@ -196,13 +202,22 @@ def _remounted(motions: dict[str, Transforms]) -> Callable[[Readings], Readings 
     return undo
 
 
+_UNITS = {
+    "inches_not_millimetres": ("in", "mm"),
+    "millimetres_not_inches": ("mm", "in"),
+    "millimetres_not_metres": ("mm", "m"),
+    "metres_not_millimetres": ("m", "mm"),
+}
+"""Unit that was meant and unit that was read, by the name of the mistake."""
+
 OTHERS = (
     Mistake(DirectionsConvention, "directions_reversed", _reversed("directions")),
     Mistake(NormalsConvention, "normals_reversed", _reversed("normals")),
-    Mistake(UnitsConvention, "inches_not_millimetres", _longer("in", "mm")),
-    Mistake(UnitsConvention, "millimetres_not_inches", _longer("mm", "in")),
-    Mistake(UnitsConvention, "millimetres_not_metres", _longer("mm", "m")),
-    Mistake(UnitsConvention, "metres_not_millimetres", _longer("m", "mm")),
+    *(
+        Mistake(UnitsConvention, mistake, _longer(*units, ball=ball))
+        for ball in (False, True)  # a radius that an option or its own column states has its own unit
+        for mistake, units in _UNITS.items()
+    ),
     Mistake(MirrorConvention, "mirrored", _mirrored),
     Mistake(DirectionsConvention, "directions_wrong", _without_directions),
 )  # fmt: skip

@@ -135,7 +135,8 @@ def verdict_of(
         if status == "recognized" or isinstance(finding, MayBeUnknown) or _one_reading_decides(findings[0]):
             status, findings = _doubted(status, findings, found[0], priors, explained)
     if hypotheses and status == "recognized":
-        more += [dominant_shared_error(found[0], shared), outcome.unstated, outlier_finding(hypotheses[0], priors)]
+        dominant = dominant_shared_error(found[0], shared, hypotheses[0].corner_sd)
+        more += [dominant, outcome.unstated, outlier_finding(hypotheses[0], priors)]
     if found and status != "insufficient":
         more.append(face_elsewhere(posterior.problem.points, found[0], unknown, priors))
     if found:

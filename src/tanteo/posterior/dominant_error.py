@@ -16,12 +16,15 @@ from tanteo.sensors.error_states import Drift, Form, Scale
 from tanteo.words.findings import SharedErrorLimits
 
 
-def dominant_shared_error(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErrorLimits | None:
+def dominant_shared_error(
+    one: GoodnessOfFit, shared: Sequence[SharedError], reported: float
+) -> SharedErrorLimits | None:
     """Return the finding about the shared error that contributes most to the uncertainty; None if none dominates.
 
     Args:
         one: the answer.
         shared: shared errors, in the order of the states.
+        reported: largest corner sd of the answer, which also contains unstated errors and the scatter [m].
     """
     mode, own = one.mode, one.mode.objective.problem.settings.checks
     information, start = mode.information, 6
@@ -36,9 +39,10 @@ def dominant_shared_error(one: GoodnessOfFit, shared: Sequence[SharedError]) -> 
         if part_of > worst:
             worst, name, source = part_of, error.title, error.name
         start = stop
-    if worst < own.limiting_share * total:
+    worst = min(worst, reported)  # a small scatter may make the answer more certain than its stated noise
+    if worst < own.limiting_share * reported:
         return None
-    return SharedErrorLimits(name, worst, total, float(np.sqrt(total**2 - worst**2)), source)
+    return SharedErrorLimits(name, worst, reported, float(np.sqrt(reported**2 - worst**2)), source)
 
 
 _ASSUMED = {

@@ -173,7 +173,9 @@ def test_inches_of_the_console(tmp_path):
     np.testing.assert_allclose(read_readings(path, radius=0.001).points, [[0.0254, 0.0508, 0.0762]])
     silent = save(tmp_path, "[PRB:1.000,2.000,3.000:1]\n")
     assert "taken as millimetres" in read_readings(silent, radius=0.001).notes[0]
-    np.testing.assert_allclose(read_readings(silent, radius=0.001, unit="in").points[:, 0], [0.0254])
+    inches = read_readings(silent, radius=0.001, unit="in")
+    np.testing.assert_allclose(inches.points[:, 0], [0.0254])
+    assert "millimetres" not in " ".join(inches.notes)
 
 
 def test_a_dense_cloud_is_drawn_from(tmp_path):

@@ -16,6 +16,8 @@ from tanteo.io.logs.log import Log, counted
 _REPORT = re.compile(r"\[PRB:([^\]:\n]{0,200})(?::([01]))?\]")
 _INCHES = re.compile(r"^[ \t>]*\$(?:13|Report/Inches)=(\w+)", re.MULTILINE)
 
+_AS_MILLIMETRES = "Coordinates are taken as millimetres, which GRBL reports unless $13=1. For inches use --units in."
+
 
 def recognise(contents: Contents) -> bool:
     """Return whether the file contains a probe report; sessions may start with long listings.
@@ -57,13 +59,11 @@ def read(contents: Contents) -> Log:
     if missed:
         notes.append(f"{counted(missed, 'probe')} made no contact ([PRB:...:0]) and was excluded." if missed == 1 else
                      f"{missed} probes made no contact ([PRB:...:0]) and were excluded.")  # fmt: skip
-    if not stated:
-        notes.append(
-            "Coordinates are taken as millimetres, which GRBL reports unless $13=1. For inches use --units in."
-        )
     if len(np.unique(points, axis=0)) == 1 and len(points) > 1:
         contents.fail(
             "probes in different places", f"the same place {len(points)} times", "Is it one report, repeated?"
         )
-    unit = "in" if inches else "mm"
-    return Log(points=points, unit=unit, assumed=not stated, centres=True, moves=True, notes=tuple(notes))
+    return Log(
+        points=points, unit="in" if inches else "mm", assumed=not stated, centres=True, moves=True, notes=tuple(notes),
+        unit_note="" if stated else _AS_MILLIMETRES,
+    )  # fmt: skip

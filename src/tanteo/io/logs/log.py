@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from tanteo.io.logs.contents import Contents
 from tanteo.io.logs.ends import EndMark
 
+AS_MILLIMETRES = "Coordinates are taken as millimetres; for inches use --units in."
+"""Note on the unit of programs that report millimetres unless they are set otherwise."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Log:
@@ -42,6 +45,7 @@ class Log:
         free: mask of beams that hit nothing ``(n,)``.
         alternatives: other interpretations of the same file, of which the rig selects one.
         notes: sentences about assumptions and ignored content.
+        unit_note: sentence about the assumed unit, for a user who does not state one.
         moves: whether each row is a probe move of a controller, which searches a place in several steps.
     """
 
@@ -66,6 +70,7 @@ class Log:
     free: BoolArray | None = None
     alternatives: tuple[Log, ...] = ()
     notes: tuple[str, ...] = ()
+    unit_note: str = ""
     moves: bool = False
 
     def __len__(self) -> int:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.io.logs.contents import Contents
-from tanteo.io.logs.log import Log, counted
+from tanteo.io.logs.log import AS_MILLIMETRES, Log, counted
 
 _NUMBER = r"([-+]?[\w.+-]{1,40})"
 _FIELD = re.compile(r"\"?\b(prb)?([exyz])\"?\s*:\s*\"?([-+\w.]{1,40})")
@@ -97,13 +97,12 @@ def read(name: str, contents: Contents) -> Log:
     points = contents.numbers(rows, lines, "a probe report (x, y, z)")
     if lines[-1] == len(contents.lines):
         contents.check_last([row[-1] for row in rows], lines[-1])
-    notes = ["Coordinates are taken as millimetres; for inches use --units in."]
-    notes += [one.note] if one.note and "is z=" in contents.text else []
+    notes = [one.note] if one.note and "is z=" in contents.text else []
     notes += [f"{counted(missed, 'probe')} made no contact and is excluded."] if missed == 1 else []
     notes += [f"{missed} probes made no contact and are excluded."] if missed > 1 else []
     notes += [f"{counted(repeated, 'report')} equal to the one before excluded."] if repeated else []
     down = None if one.centres else np.broadcast_to([0.0, 0.0, -1.0], points.shape)
     return Log(
         points=points, unit="mm", assumed=True, centres=one.centres, moves=one.centres, directions=down,
-        notes=tuple(notes),
+        notes=tuple(notes), unit_note=AS_MILLIMETRES,
     )  # fmt: skip

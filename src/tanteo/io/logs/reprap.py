@@ -12,7 +12,7 @@ import re
 import numpy as np
 
 from tanteo.io.logs.contents import Contents, is_whole
-from tanteo.io.logs.log import Log, counted
+from tanteo.io.logs.log import AS_MILLIMETRES, Log, counted
 
 _MARK = "RepRapFirmware height map file v"
 _ABOVE = 3
@@ -64,7 +64,6 @@ def read(contents: Contents) -> Log:
         contents.fail("probed points", "none", "Probe the bed first (G29).")
     points = np.stack([x + dx * i, y + dy * j, z[j, i]], axis=1)
     left = rows * columns - len(i)
-    notes = ["Coordinates are taken as millimetres; for inches use --units in."]
-    notes += [f"{counted(left, 'point')} of the grid not probed."] if left else []
+    notes = [f"{counted(left, 'point')} of the grid not probed."] if left else []
     down = np.broadcast_to([0.0, 0.0, -1.0], points.shape)
-    return Log(points=points, unit="mm", assumed=True, directions=down, notes=tuple(notes))
+    return Log(points=points, unit="mm", assumed=True, directions=down, notes=tuple(notes), unit_note=AS_MILLIMETRES)

@@ -43,7 +43,7 @@ def readings_of(log: Log, stated: Stated, form: LogFormat, source: str) -> Readi
     """
     log, stated = _of_device(log, stated, form, source)
     metre = _metre(log, stated, form, source)
-    notes = [*log.notes]
+    notes = [*log.notes] if stated.units or not log.unit_note else [log.unit_note, *log.notes]
     touched = log.points is not None and not all(reading_kind(kind).centre for kind in log.kinds or ("point",))
     if touched and not log.centres and stated.radius is None:
         notes.append("The points are taken as points of the surface; use --radius if they are centres of a ball.")

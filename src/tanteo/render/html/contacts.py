@@ -18,7 +18,7 @@ from tanteo.parts import Part, Surface, named_feature, signed_distance
 from tanteo.parts.faces import exact_faces
 from tanteo.planning import Sensing
 from tanteo.posterior import Hypothesis, PosePrior
-from tanteo.sensors import Column, PointMeasurements, Readings
+from tanteo.sensors import Column, PointMeasurements, Readings, unstated_sd
 from tanteo.sensors.error_states import made_surface
 
 
@@ -56,6 +56,8 @@ def gather(readings: Readings, sensing: Sensing | None = None, prior: PosePrior 
         ReadingsError: a range is outside the limits of its device.
     """
     sensing = Sensing() if sensing is None else sensing
+    unstated = unstated_sd(readings, sensor=sensing.sensor, sd=sensing.sd, rig=sensing.rig)
+    sensing = sensing if unstated is None else replace(sensing, sd=unstated)
     measured = sensing.measured(readings)
     alone = measured if sensing.robot is None else replace(sensing, robot=None).measured(readings)
     reach = readings.ranges.take(measured.rows)
