@@ -92,7 +92,7 @@ def test_part_and_pose_have_a_probability_each(run, tmp_path):
     got = run(*words, "--as", "ur", "--best-guess", "--report", report)
     assert "cube has a probability of 9" in got.err
     assert "in any pose, and" in got.err
-    assert "in one of several poses" in got.err  # twelve, of which five are listed
+    assert "Its pose is one of 12." in got.err  # of which five are listed
     assert "cube in any pose" in report.read_text(encoding="utf-8")
     frame = run(*words, "--wcs", "ur:base", "--best-guess").out
     assert re.search(r"part 9\d\.\d%, this pose \d\d?\.\d%", frame)

@@ -28,6 +28,7 @@ def save(tmp_path, names, values):
         ("Z/mm", "z_mm"), ("Radius (µm)", "radius_um"), ("normal sd [°]", "normal_sd_deg"), ("Feature", "feature"),
         ("X (inch)", "x_in"), ("hand_Rx (rad)", "hand_rx_rad"), ("pose.position.x", "hand_x"), ("DX (-)", "dx"),
         ("pose.orientation.w", "hand_qw"), ("normal_x", "nx"), ("Direction Z", "dz"),
+        ("Richtung Z", "dz"), ("Antastrichtung X", "dx"), ("Dirección Y", "dy"), ("Normale X", "nx"),
     ],
 )  # fmt: skip
 def test_names_in_any_spelling(tmp_path, written, name):
@@ -69,6 +70,7 @@ def test_a_diameter_decides_what_the_points_are(tmp_path, name, advice):
     ("name", "advice"),
     [
         ("sigma_mm", "name the column sd_mm"),
+        ("Standardabweichung", "name the column sd_mm"),
         ("vx", "nx, ny, nz if they point out of the material, dx, dy, dz if into it"),
         ("distance_mm", "name the column range_mm"),
     ],
@@ -80,6 +82,11 @@ def test_advice_goes_by_meaning(tmp_path, name, advice):
         read_readings(save(tmp_path, ["x_mm", "y_mm", name], [[1, 2, 4]]))
     assert advice in str(caught.value)
     assert "Did you mean" not in str(caught.value)
+
+
+def test_a_standard_deviation_in_french_is_no_deviation(tmp_path):
+    readings = read_readings(save(tmp_path, ["x mm", "y mm", "z mm", "écart-type mm"], [[1, 2, 3, 4]]))
+    assert "name the column sd_mm" in readings.notes[0]
 
 
 @pytest.mark.parametrize("name", ["Temp 1", "dX [mm]", "Bemerkung", "A", "Kommentar", "bogus", "X Soll", ""])

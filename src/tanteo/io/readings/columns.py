@@ -199,7 +199,7 @@ def _read_name(name: str, written: str, place: str, unit: str | None, *, clear: 
     if name in TEXTS:
         return Column(name, written, float("nan"))
     if is_unrelated(name) or name in _DEVIATIONS:
-        return Column(f"excluded: {place}", written, float("nan"), left_out=True)
+        return Column(f"excluded: {place}", written, float("nan"), left_out=True, advice=advice(written))
     if name in PLAIN:
         return Column(name, written, 1.0)
     written, (base, _, own) = written[:60], name.rpartition("_")

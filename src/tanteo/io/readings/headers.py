@@ -49,17 +49,22 @@ _LONGEST = 100
 """Largest number of characters in a column name; longer text is not matched."""
 
 _NO_UNIT = ("", "-", "1", "/")
-_WHOLE = re.compile(r"(?:\w*_)?(position|translation|orientation|rotation|normal|direction)_([xyzw])(_\w+)?")
 _OF_HOLES = re.compile(r"(?:hole|bore|boss|circle|cylinder|sphere|feature)_(radius|diameter|diam|dia)(_\w+)?")
-_GROUPS = {"position": "hand_", "translation": "hand_", "orientation": "hand_q", "rotation": "hand_q", "normal": "n",
-           "direction": "d"}  # fmt: skip
+_GROUPS = {
+    "position": "hand_", "translation": "hand_", "orientation": "hand_q", "rotation": "hand_q", "normal": "n",
+    "normale": "n", "normalenvektor": "n", "direction": "d", "richtung": "d", "antastrichtung": "d", "direccion": "d",
+    "direzione": "d",
+}  # fmt: skip
+"""Beginning of the canonical names by the word of a vector or a pose, in five languages."""
+_WHOLE = re.compile(rf"(?:\w*_)?({'|'.join(_GROUPS)})_([xyzw])(_\w+)?")
 _SIZE = re.compile(r"(?:\w+_)?(?:diameter|diam|dia)")
 _ABOUT_SIZE = (
     "The radius of the tip's ball is half of it: name the column radius_mm and halve the values. Of holes or bosses "
     "name it hole_diameter_mm."
 )
 _ADVICE = (
-    (r"(?:std|stdev|stddev|sigma|uncertainty|unc|error|accuracy)",
+    (r"(?:std|stdev|stddev|sigma|uncertainty|unc|error|accuracy|standardabweichung|streuung|messunsicherheit|unsicherheit"
+     r"|ecart_type|incertitude|desviacion_(?:estandar|tipica)|incertidumbre|deviazione_standard|incertezza)",
      "If it is one standard deviation along the normal, name the column sd_mm; of a tolerance write a third."),
     (r"(?:v[xyz]|u|v|w)", "Name vectors nx, ny, nz if they point out of the material, dx, dy, dz if into it."),
     (r"(?:dist|distance|depth|length)", "Of a range sensor name the column range_mm, with sensor and hand columns."),
