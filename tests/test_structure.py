@@ -23,7 +23,7 @@ MOST = {
     "checks of a kind in Python": 0,
     "files with checks of a kind in Python": 0,
     "code lines of Python in the judged packages": 14000,
-    "code lines of C++": 13233,
+    "code lines of C++": 13247,
     "exported names": 451,
     "exported names without a user": 0,
     "words of docs": 46350,

@@ -36,6 +36,7 @@ class Visible {
         Vec3 inverse_depth;  // its coefficients of x, y and 1
         Vec3 normal;
         double height;       // of the origin over the plane
+        double farthest;     // largest depth
         int triangle;
     };
     // An edge between faces, or where a surface ends before others.
@@ -84,6 +85,7 @@ class Visible {
     void add_line(double y, double width, bool with_slope, std::vector<RayHit>& places, std::vector<Outline>& outlines);
     void add_outline(const Segment& left, const Segment& right, double y, double width, std::vector<RayHit>& places,
                      std::vector<Outline>& outlines) const;
+    double depths_between(double from, double to) const;
     bool is_one_plane(const Facet& one, const Facet& two) const;
     double inverse_depth(int span, double x, double y) const;
     RayHit place(const Facet& facet, double x, double y, double share) const;
