@@ -12,7 +12,7 @@ from bare_scenes import beams
 from tanteo import PosePrior, Priors, Readings, locate
 from tanteo.geometry import SE3, SO3
 from tanteo.io.poses import parse_pose_prior
-from tanteo.posterior import Table, prepare
+from tanteo.posterior import Table, prepare, recognition
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 PART = tanteo.read_part(PARTS / "bracket_left.step")
@@ -136,3 +136,24 @@ def test_poses_that_were_made_without_a_tight_prior_are_not_lost():
 def test_an_attitude_free_about_two_axes_is_refused():
     with pytest.raises(tanteo.errors.InputError, match="about two axes"):
         parse_pose_prior("0,0,0mm 0,0,0deg +- 5mm 1,90,180deg")
+
+
+@pytest.mark.parametrize(("outliers", "again"), [(2, False), (5, True)])
+def test_outliers_that_the_rate_explains_cast_no_doubt_on_the_prior(monkeypatch, outliers, again):
+    """With doubt, everything is searched again without the prior, which doubled the time of many readings."""
+    rng, searched = np.random.default_rng(4), []
+    T = placed(rng)
+    readings = touched(T, 120, rng)
+    points = np.array(readings.points)
+    points[:outliers] += 3e-3 * rng.normal(size=(outliers, 3))
+    readings = Readings.from_columns(points=points, sds=readings.sds, directions=readings.directions)
+    checked = recognition.check_prior
+
+    def counted(posterior, best, without, significance):
+        return checked(posterior, best, lambda: searched.append(1) or without(), significance)
+
+    monkeypatch.setattr(recognition, "check_prior", counted)
+    prior = Priors(pose=PosePrior(table=Table(np.array([0, 0, 0.02]), np.array([0, 0, 1.0]), 1e-4)))
+    answer = locate(readings, PART, priors=prior)
+    assert len(answer.hypotheses[0].outliers) >= outliers - 1
+    assert bool(searched) == again

@@ -10,6 +10,7 @@ import numpy as np
 
 from tanteo.geometry.special import binomial_cdf, jacobi_nodes, laguerre_nodes, log_sum
 from tanteo.geometry.typing import BoolArray, FloatArray, Vectors
+from tanteo.posterior.settings import SearchSettings
 
 ArrayT = TypeVar("ArrayT", float, FloatArray)
 
@@ -97,6 +98,18 @@ def log_all_outliers(count: int, mean: float) -> float:
     """
     rates, weights = outlier_rates(mean, count**2)
     return float(log_sum(np.log(weights) + count * np.log(rates)))
+
+
+def are_unexpected(outliers: int, n: int, rate: float, own: SearchSettings) -> bool:
+    """Return whether readings have more outliers than their rate explains; of a few readings any outlier counts.
+
+    Args:
+        outliers: number of outliers.
+        n: number of readings.
+        rate: stated mean rate.
+        own: settings of the search.
+    """
+    return outliers > (n * rate + own.notable_sds * np.sqrt(n * rate) if n > own.any_outlier else 0)
 
 
 def beta_binomial_tail(outliers: int, n: int, mean: float) -> float:

@@ -11,6 +11,7 @@ from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import BoolArray, Indices, Transforms
 from tanteo.plugins import guarded
 from tanteo.posterior.details import details_at
+from tanteo.posterior.outliers import are_unexpected
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals import PROPOSERS, InitialPoses, PriorSamples, Proposer, SearchState, proposers
@@ -278,8 +279,7 @@ class PartSearch:
     def is_doubtful(self) -> bool:
         """Return whether the best maximum has more outliers than expected, which may have hidden a better one."""
         on, rate = self.on_the_part(), self.objective.problem.priors.outlier_rate
-        expected = len(on) * rate + self.settings.notable_sds * np.sqrt(len(on) * rate)
-        return len(self.peaks) > 0 and float(np.sum(~on)) > (expected if len(on) > self.settings.any_outlier else 0.0)
+        return len(self.peaks) > 0 and are_unexpected(int(np.sum(~on)), len(on), rate, self.settings)
 
 
 def leader_of(searches: Sequence[PartSearch]) -> Leader | None:

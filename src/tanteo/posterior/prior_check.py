@@ -22,7 +22,7 @@ from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.answers.results import Hypothesis
 from tanteo.posterior.fit_at_mode import GoodnessOfFit, goodness_of_fit
 from tanteo.posterior.furniture_points import without_pose
-from tanteo.posterior.outliers import beta_binomial_tail
+from tanteo.posterior.outliers import are_unexpected, beta_binomial_tail
 from tanteo.posterior.posterior import Posterior
 from tanteo.posterior.sampling.modes import Mode
 from tanteo.posterior.sampling.peaks import Objective
@@ -65,7 +65,9 @@ def check_prior(
         return PriorCheck()
     fits = best is not None and best.probability + posterior.missing >= posterior.unknown
     p = p_of_prior(posterior.modes[0], priors) if posterior.modes else 1.0
-    if best is not None and fits and not best.outliers and min(p, best.p_value, _share(posterior)) > NOTABLE:
+    n, own = len(posterior.problem.furniture.others), posterior.problem.settings.search
+    doubtful = best is None or are_unexpected(len(best.outliers), n, priors.outlier_rate, own)
+    if best is not None and fits and not doubtful and min(p, best.p_value, _share(posterior)) > NOTABLE:
         return PriorCheck(p)
     if not posterior.problem.settings.checks.of_prior:
         return PriorCheck(p if fits else 1.0)
