@@ -8,15 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.geometry import SE3
-from tanteo.geometry.typing import FloatArray, Transforms, Vectors
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 from tanteo.parts import Surface
 from tanteo.posterior import DEFAULTS, Answer, Hypothesis, Misfit, Mode, Status, verdict
 from tanteo.posterior.answers import hypothesis_at
-from tanteo.posterior.fit_at_mode import goodness_of_fit
+from tanteo.posterior.fit_at_mode import GoodnessOfFit, goodness_of_fit
 from tanteo.posterior.sampling.covariances import mode_covariances
-from tanteo.vision.image_edges import ImageEdges, standing, sums_of
-from tanteo.vision.models import VisionModel
-from tanteo.vision.posterior import ImagePosterior
+from tanteo.vision.camera import Camera
+from tanteo.vision.image_edges import ImageEdges, Sums, standing, sums_of
+from tanteo.vision.models import VisionModel, prepare_vision
+from tanteo.vision.posterior import ImagePosterior, as_one
 from tanteo.vision.settings import EVIDENCE
 from tanteo.words import Finding
 from tanteo.words.findings import (  # fmt: skip
@@ -45,21 +46,30 @@ class ImageMode:
     probability: float
 
 
-def hypothesis(mode: Mode, images: Sequence[ImageEdges], *, lying: bool = False) -> Hypothesis:
+def hypothesis(
+    mode: Mode, images: Sequence[ImageEdges], *, beside: Sequence[Mode] = (), lying: bool = False
+) -> Hypothesis:
     """Return the hypothesis of a mode: pose and covariance in the world, free directions, fit of the edges.
 
-    A part on a table has three more equations.
+    A part on a table has three more equations. With other modes of the part that count as one with the mode, the
+    covariance is the second moment of all of them about its pose.
 
     Args:
         mode: mode of the engine's posterior.
         images: the edges of the images, all of them.
+        beside: less probable modes that count as one with it.
         lying: whether the part lies on a table.
     """
     part = mode.prepared.part
-    every = sums_of(images, part, mode.T_peak[None], mode.z[None])
-    dof = max(round(sum(float(sums.freedom[0]) for sums in every)) - (3 if lying else 6), 1)
-    chi2 = sum(float(sums.chi2[0]) for sums in every)
     fit = goodness_of_fit(mode)
+    every, covariance, misfit = _fitted(mode, fit, images, 3 if lying else 6)
+    probability = mode.probability + sum(other.probability for other in beside)
+    if beside and probability > 0:
+        covariance = covariance * (mode.probability / probability)
+        for other in beside:
+            off = SE3.log(SE3.inverse(mode.T_peak) @ other.T_peak)
+            own = _fitted(other, goodness_of_fit(other), images, 3 if lying else 6)[1]
+            covariance += (other.probability / probability) * (own + np.outer(off, off))
     middle = SE3.apply(mode.T_world_part, part.centroid)
     pixels = [SE3.apply(SE3.inverse(standing(one.camera)), middle)[2] / one.camera.focal.mean() for one in images]
     squares = sum(float(sums.squares[0]) * pixel**2 for sums, pixel in zip(every, pixels, strict=True))
@@ -67,12 +77,44 @@ def hypothesis(mode: Mode, images: Sequence[ImageEdges], *, lying: bool = False)
     return hypothesis_at(
         part,
         mode.T_world_part,
-        mode_covariances(fit)[0] * max(1.0, chi2 / dof),
+        covariance,
         free=fit.free,
-        probability=mode.probability,
-        misfit=Misfit(0.0, chi2, dof),
+        probability=probability,
+        misfit=misfit,
         rms=float(np.sqrt(squares / max(matched, 1.0))),
     )
+
+
+def _fitted(
+    mode: Mode, fit: GoodnessOfFit, images: Sequence[ImageEdges], fixed: int
+) -> tuple[list[Sums], Covariances, Misfit]:
+    """Return the sums of each image at a mode, the covariance of its pose, and its misfit; some motions are fitted."""
+    every = sums_of(images, mode.prepared.part, mode.T_peak[None], mode.z[None])
+    dof = max(round(sum(float(sums.freedom[0]) for sums in every)) - fixed, 1)
+    chi2 = sum(float(sums.chi2[0]) for sums in every)
+    return every, mode_covariances(fit)[0] * max(1.0, chi2 / dof), Misfit(0.0, chi2, dof)
+
+
+def stated(
+    posterior: ImagePosterior, images: Sequence[ImageEdges], camera: Camera, top: int, *, lying: bool = False
+) -> tuple[tuple[Hypothesis, ...], tuple[ImageMode, ...]]:
+    """Return the hypotheses of a posterior, and the same as parts in the frame of a camera.
+
+    Args:
+        posterior: posterior of the images.
+        images: the edges of the images, all of them.
+        camera: the camera.
+        top: number of hypotheses.
+        lying: whether the part lies on a table.
+    """
+    groups = as_one(posterior.modes)[:top]
+    hypotheses = tuple(hypothesis(best, images, beside=others, lying=lying) for best, *others in groups)
+    T_camera_world = SE3.inverse(standing(camera))
+    modes = tuple(
+        ImageMode(prepare_vision(best.prepared.part), T_camera_world @ best.T_world_part, one.probability)
+        for (best, *_), one in zip(groups, hypotheses, strict=True)
+    )
+    return hypotheses, modes
 
 
 def judged(hypotheses: Sequence[Hypothesis], posterior: ImagePosterior) -> tuple[Status, tuple[Finding, ...]]:

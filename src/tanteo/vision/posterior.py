@@ -345,6 +345,16 @@ def _weighed(
     return tuple(sorted(modes, key=lambda mode: -mode.probability)), total
 
 
+def as_one(modes: Sequence[Mode]) -> list[list[Mode]]:
+    """Return modes of the same part that are near one another together, the most probable of each first."""
+    groups: list[list[Mode]] = []
+    for part in dict.fromkeys(mode.prepared.part for mode in modes):
+        own = [mode for mode in modes if mode.prepared.part is part]
+        near = _near(part, np.stack([mode.T_peak for mode in own]), np.array([mode.log_mass for mode in own]))
+        groups += [[own[k] for k in members] for members in near]
+    return sorted(groups, key=lambda group: -sum(mode.probability for mode in group))
+
+
 def _there(part: Part, Ts: Transforms, every: Sequence[Sums], lying: OnTable | None) -> FloatArray:
     """Return the log density that edges are there at poses ``(k,)``, the probability of the stable pose included."""
     rests = np.zeros(len(Ts)) if lying is None else np.array([lying.log_probability(part, T) for T in Ts])

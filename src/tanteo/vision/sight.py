@@ -17,7 +17,7 @@ from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Part, StoredParts, as_parts
 from tanteo.posterior import Answer, OnTable
 from tanteo.values import Value
-from tanteo.vision.answers import ImageMode, Question, deciding_touch, hypothesis, judged, too_many
+from tanteo.vision.answers import ImageMode, Question, deciding_touch, judged, stated, too_many
 from tanteo.vision.camera import Camera, View, on_plane
 from tanteo.vision.descriptors import Descriptors, describe
 from tanteo.vision.edges import EdgePoints, chance_hits, find_edges, map_edges
@@ -393,15 +393,6 @@ def area_of(region: Region, camera: Camera, T_camera_table: Transforms) -> float
     return float(region.mask.sum()) * (pixel if np.isfinite(pixel) else 1.0)
 
 
-def image_modes(posterior: ImagePosterior, camera: Camera, top: int) -> tuple[ImageMode, ...]:
-    """Return the best modes as parts in the frame of the camera."""
-    T_camera_world = SE3.inverse(standing(camera))
-    return tuple(
-        ImageMode(prepare_vision(mode.prepared.part), T_camera_world @ mode.T_world_part, mode.probability)
-        for mode in posterior.modes[:top]
-    )
-
-
 def sighting(
     posterior: ImagePosterior, images: Sequence[ImageEdges], region: Region | None, T_world_table: Transforms, top: int
 ) -> Sighting:
@@ -415,8 +406,7 @@ def sighting(
         top: number of hypotheses.
     """
     camera = images[0].camera
-    modes = image_modes(posterior, camera, top)
-    hypotheses = tuple(hypothesis(mode, images, lying=True) for mode in posterior.modes[:top])
+    hypotheses, modes = stated(posterior, images, camera, top, lying=True)
     status, findings = judged(hypotheses, posterior)
     question = _question(modes, T_world_table, standing(camera))
     if status == "ambiguous" and question is not None:

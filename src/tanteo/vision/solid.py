@@ -18,7 +18,7 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
 from tanteo.posterior import DEFAULTS, Answer, box_corners
-from tanteo.vision.answers import hypothesis, judged
+from tanteo.vision.answers import judged, stated
 from tanteo.vision.camera import Camera, View, project
 from tanteo.vision.candidates import distinct
 from tanteo.vision.edges import EdgeMap, EdgePoints, cell_of, chance_hits, channel_of, find_edges, map_edges
@@ -38,7 +38,6 @@ from tanteo.vision.sight import (
     Sight,
     Sighting,
     check_sight,
-    image_modes,
     in_others,
     prepared,
     see_table,
@@ -93,12 +92,12 @@ def see_anywhere(
     images, proposals, ellipses = proposed_anywhere(views, found_points, models, weights or Weights())
     points = found_points[0]
     posterior = infer(images, proposals, len(models))
-    hypotheses = tuple(hypothesis(mode, images) for mode in posterior.modes[:top])
+    hypotheses, modes = stated(posterior, images, camera, top)
     status, findings = judged(hypotheses, posterior)
     answer = Answer(status, findings, hypotheses, posterior.unknown)
     found = Sighting(
         answer,
-        image_modes(posterior, camera, top),
+        modes,
         None,
         None,
         factors=posterior.images,
