@@ -191,6 +191,7 @@ ORIGIN = np.zeros((1, 3))
     [
         ({"points": ORIGIN}, {}, "sd of reading '1': expected one standard deviation"),
         ({"points": ORIGIN}, {"sensor": "hc_sr04"}, "depends on the range and there is none"),
+        ({"points": ORIGIN}, {}, "in Python sd=0.3e-3 or sds, in a session Sensing(sd=0.3e-3)"),
         ({"points": ORIGIN}, {"sd": -1.0}, "sd: expected one standard deviation from 1e-09 to 1e+06 m, got -1"),
         ({"points": ORIGIN}, {"sd": np.nan}, "sd: expected one standard deviation from 1e-09 to 1e+06 m, got nan"),
         ({"points": ORIGIN}, {"sd": 1e-3, "tip_sd": [1e-3] * 3}, "hand_x_mm"),

@@ -233,7 +233,8 @@ def _spreads(
         )
         raise InputError(
             f"sd of reading '{readings.ids[unknown[0]]}': expected one standard deviation, got none ({why}). "
-            "Add the column sd_mm, or --sd 0.3mm, or --sensor with ranges."
+            "Add the column sd_mm, or --sd 0.3mm, or --sensor with ranges; in Python sd=0.3e-3 or sds, in a session "
+            "Sensing(sd=0.3e-3)."
         )
     return sds.only(~readings.is_free).filled(1.0)
 

@@ -77,8 +77,11 @@ def limits(sensing: Sensing, probe: Probe, readings: Readings | None, state: Sen
     if readings is None or not state.modes:
         return None
     measured = measured_by(sensing, probe, readings, state)
-    found = dominant_shared_error(goodness_of_fit(state.modes[0]), measured.shared) if measured.shared else None
-    return _unstated_limit(state) or found
+    if (unstated := _unstated_limit(state)) or not measured.shared:
+        return unstated
+    part = state.target(0).part
+    reported = corner_sd(part, observed_covariance(part, state.covariances[0]))
+    return dominant_shared_error(goodness_of_fit(state.modes[0]), measured.shared, reported)
 
 
 def _unstated_limit(state: SensingState) -> SharedErrorLimits | None:
