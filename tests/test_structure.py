@@ -22,7 +22,7 @@ MOST = {
     "files with checks of a kind in C++": 0,
     "checks of a kind in Python": 0,
     "files with checks of a kind in Python": 0,
-    "code lines of Python in the judged packages": 14029,
+    "code lines of Python in the judged packages": 14040,
     "code lines of C++": 13247,
     "exported names": 451,
     "exported names without a user": 0,

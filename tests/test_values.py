@@ -80,6 +80,11 @@ def test_a_copied_session_continues_with_the_same_question(values):
     first, second = session.tell(got), copy.tell(got)
     np.testing.assert_allclose(first.T_world_part, second.T_world_part, atol=1e-9)
     np.testing.assert_array_equal(session.ask().origin, copy.ask().origin)
+    later, action = pickle.loads(pickle.dumps(session)), session.pending
+    got = tanteo.Readings.from_columns(points=[action.origin + 0.19 * action.direction], sds=[3e-4])
+    first, second = session.tell(got), later.tell(got)
+    np.testing.assert_allclose(first.T_world_part, second.T_world_part, atol=1e-9)
+    np.testing.assert_array_equal(session.ask().origin, later.ask().origin)
 
 
 def test_parts_are_a_sequence_and_found_by_name(values):

@@ -119,8 +119,8 @@ class Start(Value):
             return np.full(len(self.targets), 1 / len(self.targets))
         return np.bincount(self.part, weights=self.weights, minlength=len(self.targets)).astype(np.float64)
 
-    def mixtures(self) -> dict[int, PoseMixture]:
-        """Return the mixture of prior poses of each part given that it is present, by ``id`` of the prepared part.
+    def mixtures(self) -> dict[PreparedPart, PoseMixture]:
+        """Return the mixture of prior poses of each part given that it is present.
 
         The result is empty if factors replace the prior poses.
         """
@@ -131,7 +131,7 @@ class Start(Value):
             own = np.flatnonzero((self.part == k) & (self.weights > 0))
             if len(own):
                 log = np.log(self.weights[own]) - np.log(share)
-                out[id(self.targets[k])] = PoseMixture(self.Ts[own], self.covariances[own], log)
+                out[self.targets[k]] = PoseMixture(self.Ts[own], self.covariances[own], log)
         return out
 
     def likeliest(self, part: int, T_world_part: Transforms) -> int:

@@ -17,7 +17,7 @@ from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals import PROPOSERS, InitialPoses, PriorSamples, Proposer, SearchState, proposers
 from tanteo.posterior.proposals.drawn import along_ridge, far_pairs, from_prior
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
-from tanteo.posterior.sampling.peaks import Objective, Peaks, log_missed, point_scales, prior_sds, spread_rows
+from tanteo.posterior.sampling.peaks import Objective, Peaks, log_missed, point_scales, spread_rows
 from tanteo.posterior.sampling.ridges import regions_of_maxima
 from tanteo.posterior.settings import Effort, SearchSettings
 from tanteo.posterior.symmetry import log_orbit
@@ -67,7 +67,7 @@ class PartSearch:
     known: Transforms | None = None
     exhaustive: bool = False
     log_odds: float = 0.0
-    _tried: dict[int, Peaks] = field(default_factory=dict)
+    _tried: dict[PreparedPart, Peaks] = field(default_factory=dict)
     _reassigned: Peaks | None = None
     _evidence: tuple[Peaks, float] | None = None
     _missed: tuple[Peaks, float] | None = None
@@ -215,12 +215,12 @@ class PartSearch:
             best: its best maximum.
             counted: whether it has to be tried again once more sources led to it, so that the maxima have them, too.
         """
-        known = self._tried.get(id(other.prepared), Peaks.none(other.problem.states))
+        known = self._tried.get(other.prepared, Peaks.none(other.problem.states))
         enough = min(float(best.times[0]), -np.log2(self.settings.missing))  # more change no missed probability
         sure = known.take(np.flatnonzero(known.times >= enough)) if counted else known
         if len(sure) and other.starts_at(best.Ts, sure.Ts):
             return True
-        self._tried[id(other.prepared)] = known.join(best)
+        self._tried[other.prepared] = known.join(best)
         return False
 
     def not_reassigned(self) -> Peaks:
@@ -303,10 +303,7 @@ def start_searches(
     pairs, none = far_pairs(problem.points, rows, count), Peaks.none(problem.states)
     of_points, out = point_scales(problem), []
     for part, rng in zip(parts, rngs, strict=True):
-        core, scales, known = problem.compiled(part), of_points.on(part), problem.mixture(part)
-        is_wide = known is not None and prior_sds(known.covariances, part).min() > scales.refine[-1]
-        refining = problem.compiled(part, with_prior=False) if is_wide else core
-        objective = Objective(part, core, refining, problem, scales, rows)
+        objective = Objective.of(problem, part, of_points.on(part), rows)
         out.append(PartSearch(objective, pairs, rng, none, planes, log_odds=problem.log_odds(part.part)))
     return out
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +56,7 @@ class Problem:
         points: contact points and beam hits.
         rays: free-space rays.
         priors: priors; the radius of the workspace is positive [m].
-        mixtures: prior of the pose of each part, by the id of its :class:`PreparedPart`, in place of ``priors.pose``.
+        mixtures: prior of the pose of each part, in place of ``priors.pose``.
         odds: log odds of each part by its global properties, by name; empty without measurements of these.
         pose_factors: measurements of the pose other than points and rays, such as images and functions of a user.
         settings: settings of the inference.
@@ -71,7 +72,7 @@ class Problem:
     points: ContactPoints
     rays: FreeRays
     priors: Priors
-    mixtures: dict[int, PoseMixture] = field(default_factory=dict)
+    mixtures: dict[PreparedPart, PoseMixture] = field(default_factory=dict)
     odds: Mapping[str, float] = field(default_factory=dict)
     pose_factors: tuple[PoseFactor, ...] = ()
     settings: Settings = DEFAULTS
@@ -97,6 +98,11 @@ class Problem:
         object.__setattr__(self, "region", region)
         evidence = label_evidence(self.points, groups, self.priors.radius, region.groups)
         object.__setattr__(self, "label_evidence", evidence)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what copies and other processes need; everything else is computed again."""
+        own = self.points, self.rays, self.priors, self.mixtures, self.odds, self.pose_factors, self.settings
+        return Problem, (*own, self.typical_area)
 
     @property
     def scale_sd(self) -> float:
@@ -154,8 +160,8 @@ class Problem:
 
     def mixture(self, prepared: PreparedPart) -> PoseMixture | None:
         """Return the prior of the pose of a part as a mixture of normal densities; None without a prior pose."""
-        if id(prepared) in self.mixtures:
-            return self.mixtures[id(prepared)]
+        if prepared in self.mixtures:
+            return self.mixtures[prepared]
         pose = self.priors.pose
         if pose is None or pose.T_world_part is None:
             return None
@@ -167,7 +173,7 @@ class Problem:
         """Return the log of the constant factors of the pose prior, a density per shift [m] and turn [rad]."""
         anywhere = -3 * np.log(2 * self.priors.radius) - np.log(8 * np.pi**2)
         pose = self.priors.pose
-        placed = id(prepared) in self.mixtures or (pose is not None and pose.T_world_part is not None)
+        placed = prepared in self.mixtures or (pose is not None and pose.T_world_part is not None)
         if placed or any(factor.is_pose_prior for factor in self.pose_factors):
             anywhere = 0.0  # the mixture, or the factor, is a density already
         if pose is None:

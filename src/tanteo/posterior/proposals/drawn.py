@@ -109,7 +109,7 @@ def _best_of_prior(objective: Objective, count: int, rng: np.random.Generator) -
     if known is None:
         return np.zeros((0, 4, 4))
     wider = replace(known, covariances=own.prior_widening**2 * known.covariances)
-    wide_problem = replace(problem, mixtures={id(prepared): wider})
+    wide_problem = replace(problem, mixtures={prepared: wider})
     return _best(objective, from_prior(wide_problem, prepared, own.prior_draws * count, rng), count)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -219,6 +220,25 @@ class Objective:
     problem: Problem
     scales: Scales
     rows: Indices
+
+    @classmethod
+    def of(cls, problem: Problem, prepared: PreparedPart, scales: Scales, rows: Indices) -> Objective:
+        """Return the objective of a part.
+
+        Args:
+            problem: the problem.
+            prepared: the part.
+            scales: length scales of the search.
+            rows: rows of the points by which poses are refined.
+        """
+        core, known = problem.compiled(prepared), problem.mixture(prepared)
+        is_wide = known is not None and prior_sds(known.covariances, prepared).min() > scales.refine[-1]
+        refining = problem.compiled(prepared, with_prior=False) if is_wide else core
+        return cls(prepared, core, refining, problem, scales, rows)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what copies and other processes need; the problems of the core are compiled again."""
+        return Objective.of, (self.problem, self.prepared, self.scales, self.rows)
 
     @property
     def same(self) -> float:
