@@ -32,7 +32,7 @@ from tanteo.sensors.presets import RESPONSES
 
 PARTS = ("block", "bracket_left", "clamp", "flange", "housing", "step_12mm", "t_slot", "wedge")
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
-RAYS, SD, BIN = 4000, 1e-3, 2e-3
+RAYS, SD = 40_000, 1e-3
 SPREAD, TURN = 0.02, np.radians(15)
 
 

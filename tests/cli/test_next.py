@@ -71,7 +71,7 @@ def test_an_answer_and_next_name_the_same_place(run, parts, six_touches):
     assert named["direction"] == pytest.approx(following["direction"])
 
 
-def test_touches_without_directions_are_not_followed_by_one_from_below(run, parts, six_touches):
+def test_undirected_touches_are_not_followed_by_one_from_below(run, parts, six_touches):
     words = six_touches, "--part", parts / "wedge.stl", "--units", "mm", "--sd", "0.1mm", "--seed", 2, "--json"
     assert json.loads(run("next", *words).out)["next"]["direction"][2] <= 1e-9
 

@@ -58,7 +58,7 @@ def test_arguments_arrive_in_si_units(run, readings, parts, identified):
     assert options.pop("tip_sd") == pytest.approx((1.5e-3, 1.5e-3, 3e-4))
     assert options == {
         "sensor": "ball_tip_on_cobot", "sd": pytest.approx(2e-4), "tolerance": pytest.approx(1e-4), "robot": "xarm",
-        "rig": None, "significance": 0.05, "top": 3, "as_published": True, "priors": None, "seed": 11,
+        "rig": None, "significance": 0.05, "top": 100, "as_published": True, "priors": None, "seed": 11,
         "shared_errors": (), "conventions": False, "factors": (), "views": (), "count": None,
     }  # fmt: skip
 

@@ -145,7 +145,7 @@ def test_the_mean_is_that_of_many_rays(models, name, most, angle):
         assert error_of_mean(part, sensor, angle) < most
 
 
-def test_the_mean_over_a_surface_along_the_beam_is_that_of_many_rays(block):
+def test_the_mean_over_a_surface_along_the_beam_is_right(block):
     """A surface along the beam covers a short piece of the section, but its ranges are very different.
 
     With places chosen by length alone the error is up to 0.4 of the spread.

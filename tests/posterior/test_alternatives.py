@@ -35,7 +35,7 @@ def test_normal_poses_are_the_mixture_of_the_prior(name):
     rng = np.random.default_rng(1)
     known = mixture(rng)
     Ts = known.Ts[[0, 0, 1, 1]] @ SE3.exp(rng.normal(size=(4, 6)) * np.repeat([0.01, 0.1], 3))
-    prior = Problem(ContactPoints.none(), FreeRays.none(), Priors(radius=0.1), mixtures={id(part): known})
+    prior = Problem(ContactPoints.none(), FreeRays.none(), Priors(radius=0.1), mixtures={part: known})
     expected = _core.log_densities(part.shape, prior.compiled(part), Ts, np.zeros((4, 0)))
     found = density(NormalPoses({part.part: known}).term(part.part, 0), Ts)
     np.testing.assert_allclose(found, expected - np.log(len(part.part.symmetry.Ts)), rtol=1e-9)

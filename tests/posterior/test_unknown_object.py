@@ -109,7 +109,7 @@ def test_the_unknown_object_is_anything_or_a_near_variant():
 
 
 @pytest.mark.parametrize("n", [1, 30])
-def test_repeated_touches_of_one_place_need_no_object_of_size_zero(n):
+def test_repeated_touches_make_no_object_of_size_zero(n):
     sizes = sizes_of(np.zeros((n, 3)), 0.1)
     assert sizes.centres[0].radius >= 0.1 / 32
     assert np.isfinite(sizes.log_density)
