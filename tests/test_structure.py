@@ -26,7 +26,7 @@ MOST = {
     "code lines of C++": 13247,
     "exported names": 451,
     "exported names without a user": 0,
-    "words of docs": 46350,
+    "words of docs": 46370,
     "live decisions": 40,
 }
 """Largest accepted figures. Lines and words may grow with new capabilities; the others may only fall."""

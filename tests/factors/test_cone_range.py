@@ -128,7 +128,7 @@ def error_of_mean(part, sensor, angle):
 
 
 # the error of 63 rays was 0.02 to 0.05 of the spread; the flange has more facets than scan lines
-@pytest.mark.quick_sets(2)
+@pytest.mark.quick_sets(1)
 @pytest.mark.parametrize(("name", "most"), [("block", 0.004), ("bracket_left", 0.006), ("flange", 0.03)])
 @pytest.mark.parametrize("angle", [0.05, 0.2])
 def test_the_mean_is_that_of_many_rays(models, name, most, angle):

@@ -23,6 +23,7 @@ def sizes_of(points, radius, **columns):
     return sizes_of_unknown(problem, np.arange(len(points)))
 
 
+@pytest.mark.quick_sets(2)
 @pytest.mark.parametrize("directed", [False, True])
 @pytest.mark.parametrize("n", [2, 4])
 def test_the_density_of_readings_anywhere_is_a_mean_over_sizes(n, directed):
@@ -30,7 +31,7 @@ def test_the_density_of_readings_anywhere_is_a_mean_over_sizes(n, directed):
     rng, reach = np.random.default_rng(n), 0.04
     points = reach * rng.uniform(-1, 1, (n, 3))
     found = sizes_of(points, 0.1, **({"directions": np.tile([0.0, 0.0, -1.0], (n, 1))} if directed else {}))
-    radii, side = 0.1 * rng.random(3_000_000), 0.2 + 2 * reach
+    radii, side = 0.1 * rng.random(1_500_000), 0.2 + 2 * reach
     middles = side * (rng.random((len(radii), 3)) - 0.5)
     holds = np.all([np.sum((middles - p) ** 2, axis=1) < radii**2 for p in points], axis=0)
     even = np.mean(np.where(holds, (radii / 0.1) ** (-n if directed else -3.0 * n), 0.0)) * side**3
