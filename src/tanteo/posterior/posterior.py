@@ -99,10 +99,9 @@ def _integrated(
         constant = problem.log_pose_density(search.objective.prepared) + prior + search.log_odds
         placed.append(Placements(search.objective, search.rng, constant))
     integrate(placed, anywhere)
-    bare = _log_bare(problem)
     if max((one.ess for one in placed), default=0.0) < problem.settings.samples.shape:
         return None
-    modes, like = [], []
+    modes, like, bare = [], [], _log_bare(problem)
     for search, one in zip(searches, placed, strict=True):
         search.peaks = one.maxima() if len(one.Ts) else search.peaks
         if len(search.peaks):

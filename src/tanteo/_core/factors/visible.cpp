@@ -16,8 +16,7 @@ constexpr double TURN_COSINE = 0.93969262078590838, TURN_SINE = 0.34202014332566
 constexpr int MOST_HEIGHTS = 48;
 // Lengths in half widths of the section, and ratios of the depths at the ends from which two, and three places of a
 // quadrature are used: the error of a mean is 0.002 of the spread (tests/factors/test_cone_range.py). A surface that is
-// nearly along the beam has very different depths on a short length: with the lengths alone, errors of 392 ranges of seed
-// 5701 of benchmarks/wide_cones.py were 0.16 mm rms and up to 1.4 mm, now 0.03 mm without one of a fine mesh.
+// nearly along the beam has very different depths on a short length (test_the_mean_over_a_surface_along_the_beam_is_right).
 constexpr double TWO = 0.25, THREE = 0.8, TWO_DEPTHS = 1.05, THREE_DEPTHS = 1.5;
 // Depths of two facets of one face that differ by less are one smooth surface, as fraction.
 constexpr double SMOOTH = 1e-3;
